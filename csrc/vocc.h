@@ -1,0 +1,467 @@
+/* vocc: exact shadows and visibility on closed meshes.
+ *
+ * This is the only public header.  It is C99 and also compiles as C++.
+ *
+ * WHAT IT ANSWERS
+ * A ray is org + t * dir with t strictly between tmin and tmax.  It is
+ * *occluded* iff the scene has a triangle that it crosses.  The answer is that
+ * of exact arithmetic on the float32 coordinates given: a ray through an edge
+ * or a vertex meets every triangle there, a triangle seen exactly edge-on (the
+ * ray lies in its plane) is not met by itself, its neighbours are.  Hence a
+ * closed mesh has no cracks, and no option (order, occluders, cache, deferment,
+ * packets, isa, threads) can change a single result.  docs/method.md has the
+ * proof.
+ *
+ * HOW IT IS USED
+ *   1. vocc_scene_create     an empty scene
+ *   2. vocc_scene_add_mesh   as often as there are meshes; arrays are copied
+ *   3. vocc_scene_build      kd-tree, regions; the scene is then frozen
+ *   4. vocc_intersect, vocc_occluded, vocc_region, vocc_light_visibility
+ *   5. vocc_scene_free
+ *
+ * ERRORS
+ * Every call that can fail returns a status; VOCC_OK is 0.  Where a call takes
+ * a `vocc_error *`, it may be NULL; if it is not, a failure fills it with the
+ * offending argument, index and value.  A call that fails leaves the scene as
+ * it was, and holds no memory from the attempt.  A failed query leaves its
+ * output arrays in an unspecified state, and writes nothing outside them.  The
+ * library keeps no global state, never prints and never exits.
+ *
+ * THREADS
+ * A scene may be used by one thread at a time until it is built; after that
+ * any number of threads may query it at once.  Calls use threads of their own
+ * (option `threads`); results do not depend on how many.  Progress callbacks
+ * run on the calling thread only.
+ *
+ * UNITS AND RANGES
+ * Coordinates are in the caller's unit of length.  All finite values are
+ * accepted.  float64 coordinates are moved by a common origin (the centre of
+ * the scene's bounds) before they are rounded to float32, unless all of them
+ * are float32 numbers already; see vocc_scene_origin.
+ */
+#ifndef VOCC_H
+#define VOCC_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define VOCC_VERSION_MAJOR 0
+#define VOCC_VERSION_MINOR 1
+#define VOCC_VERSION_PATCH 0
+
+#if defined(_WIN32) && defined(VOCC_SHARED)
+#ifdef VOCC_BUILDING
+#define VOCC_API __declspec(dllexport)
+#else
+#define VOCC_API __declspec(dllimport)
+#endif
+#elif defined(__GNUC__)
+#define VOCC_API __attribute__((visibility("default")))
+#else
+#define VOCC_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* <cffi> : the text between this marker and the next is read by Python's cffi
+ * (which drops comments and VOCC_API). */
+
+/* ---- status and errors ------------------------------------------------- */
+
+typedef enum vocc_status {
+    VOCC_OK = 0,
+    VOCC_ERROR_INVALID_ARGUMENT = 1, /* a value, range, type or pointer */
+    VOCC_ERROR_OUT_OF_MEMORY = 2,
+    VOCC_ERROR_CANCELLED = 3,   /* the progress callback asked to stop */
+    VOCC_ERROR_NOT_BUILT = 4,   /* a query before vocc_scene_build */
+    VOCC_ERROR_FROZEN = 5,      /* add_mesh or build after a build */
+    VOCC_ERROR_LIMIT = 6,       /* more than the format can hold */
+    VOCC_ERROR_UNSUPPORTED = 7, /* not in this build of the library */
+    VOCC_ERROR_OPEN_MESH = 8,   /* `strict`, and a mesh is not closed */
+    VOCC_ERROR_THREAD = 9       /* the system gave no thread or lock */
+} vocc_status;
+
+/* What went wrong.  `argument` is the parameter's name as in this header, or
+ * empty; `index` is the row of the first offender, or -1; `value` the
+ * offending number, or NaN; `message` a sentence with all of it. */
+typedef struct vocc_error {
+    int32_t status; /* a vocc_status */
+    char argument[44];
+    int64_t index;
+    double value;
+    char message[192];
+} vocc_error;
+
+/* The status in words, in English; never NULL.  The string is static. */
+VOCC_API const char *vocc_status_string(int32_t status);
+
+/* "major.minor.patch" of the library that is linked. */
+VOCC_API const char *vocc_version(void);
+
+/* ---- callbacks --------------------------------------------------------- */
+
+/* Told the fraction done, 0 to 1, never falling; returns non-zero to stop.
+ * Called on the thread that made the call, at most a few hundred times a
+ * second and at least every 0.1 s. */
+typedef int (*vocc_progress_fn)(void *user, double fraction);
+
+/* An allocator.  `allocate` returns memory aligned as malloc's, or NULL;
+ * `deallocate` takes what `allocate` gave, never NULL.  Both are called from
+ * several threads at once during builds and threaded queries. */
+typedef struct vocc_allocator {
+    void *(*allocate)(void *user, size_t size);
+    void (*deallocate)(void *user, void *memory);
+    void *user;
+} vocc_allocator;
+
+/* ---- arrays ------------------------------------------------------------ */
+
+typedef enum vocc_type {
+    VOCC_FLOAT32 = 1,
+    VOCC_FLOAT64 = 2,
+    VOCC_INT32 = 3,
+    VOCC_UINT32 = 4,
+    VOCC_INT64 = 5,
+    VOCC_UINT64 = 6
+} vocc_type;
+
+/* A borrowed array of rows.  The components of a row are contiguous; rows are
+ * `stride` bytes apart (0: one row for all; negative is allowed).  `data` needs
+ * only the alignment of its type.  The number of rows is given by the call. */
+typedef struct vocc_array {
+    const void *data;
+    ptrdiff_t stride;
+    int32_t type; /* a vocc_type */
+} vocc_array;
+
+/* ---- scene ------------------------------------------------------------- */
+
+typedef struct vocc_scene vocc_scene;
+
+/* Makes an empty scene in *scene.  `allocator` may be NULL (malloc, free); it
+ * is copied and serves the scene and every call on it.
+ * Fails: INVALID_ARGUMENT, OUT_OF_MEMORY; *scene is then NULL. */
+VOCC_API vocc_status vocc_scene_create(const vocc_allocator *allocator,
+                                       vocc_scene **scene, vocc_error *error);
+
+/* Frees the scene and all that it holds.  NULL does nothing. */
+VOCC_API void vocc_scene_free(vocc_scene *scene);
+
+typedef struct vocc_mesh_options {
+    uint32_t size;   /* sizeof(vocc_mesh_options) */
+    int32_t occluder; /* 1: closed parts may hold occluders; 0: triangles only */
+    const char *name; /* UTF-8, copied, cut after 63 bytes; NULL: no name */
+} vocc_mesh_options;
+
+/* Fills *options with the defaults: occluder 1, no name. */
+VOCC_API void vocc_mesh_options_init(vocc_mesh_options *options);
+
+/* Adds a mesh.  `vertices`: vertex_count rows of 3 FLOAT32 or FLOAT64, finite;
+ * a FLOAT64 beyond float32's range is an error.  `triangles`: triangle_count
+ * rows of 3 integers (any integer vocc_type), each below vertex_count.
+ * Degenerate and repeated triangles are accepted; a triangle without area is
+ * never hit.  Both arrays are copied.  Empty meshes are accepted.
+ * *geom_id gets 0, 1, 2, ... in order of adding; it may be NULL.
+ * Fails: INVALID_ARGUMENT (argument, row, value), OUT_OF_MEMORY, LIMIT (more
+ * than 2^27 triangles or 2^31 - 1 vertices in the scene), FROZEN. */
+VOCC_API vocc_status
+vocc_scene_add_mesh(vocc_scene *scene, size_t vertex_count, vocc_array vertices,
+                    size_t triangle_count, vocc_array triangles,
+                    const vocc_mesh_options *options, int32_t *geom_id,
+                    vocc_error *error);
+
+typedef struct vocc_build_options {
+    uint32_t size;           /* sizeof(vocc_build_options) */
+    int32_t threads;         /* 0: one a processor; at most 256 */
+    float traversal_cost;    /* SAH: one step; > 0, default 1 */
+    float intersection_cost; /* SAH: one triangle test; > 0, default 0.5 */
+    float empty_bonus;       /* SAH: share saved by an empty child, 0 to 1 */
+    int32_t max_leaf_size;   /* split above this count even where the SAH would
+                                not; 1 to 2^20, default 64 */
+    int32_t max_depth;       /* 0: 8 + 1.6 log2(triangles); at most 60 */
+    int32_t bad_refines;     /* splits in a row that the SAH finds too dear but
+                                are tried; 0 to 16, default 2 */
+    int32_t strict;          /* 1: a mesh that is not closed is an error
+                                (meshes with occluder = 0 are exempt) */
+    vocc_progress_fn progress; /* NULL: none */
+    void *progress_user;
+} vocc_build_options;
+
+/* Fills *options with the defaults. */
+VOCC_API void vocc_build_options_init(vocc_build_options *options);
+
+/* Builds the kd-tree and classifies its leaves; the scene is then frozen.
+ * options may be NULL (defaults).  An empty scene can be built.  The tree does
+ * not depend on `threads`.  On failure the scene is as it was before.
+ * Fails: INVALID_ARGUMENT, OUT_OF_MEMORY, CANCELLED, FROZEN, LIMIT, OPEN_MESH
+ * (`index` is the geom_id), THREAD. */
+VOCC_API vocc_status vocc_scene_build(vocc_scene *scene,
+                                      const vocc_build_options *options,
+                                      vocc_error *error);
+
+/* The point that is subtracted from float64 coordinates before they are
+ * rounded to float32: (0, 0, 0) if no mesh needed it. */
+VOCC_API vocc_status vocc_scene_origin(const vocc_scene *scene,
+                                       double origin[3]);
+
+/* ---- report ------------------------------------------------------------ */
+
+/* The built scene in figures. */
+typedef struct vocc_report {
+    uint32_t size; /* sizeof(vocc_report), set by the caller */
+    int32_t mesh_count;
+    int32_t component_count; /* edge-connected components of all meshes */
+    int32_t closed_count;    /* those that are closed and may hold occluders */
+    uint64_t triangle_count;
+    uint64_t vertex_count;
+    double lower[3], upper[3]; /* bounds of all triangles */
+    uint64_t node_count;       /* interior nodes and leaves */
+    uint64_t boundary_leaves, opaque_leaves, clear_leaves;
+    uint64_t unknown_leaves;   /* empty, but two seed rays disagreed: never
+                                  used; always 0 unless there is a fault */
+    uint64_t reference_count;  /* triangle references in leaves */
+    uint64_t seed_rays;
+    int32_t depth;
+    int32_t region_count;      /* with 0, the outside */
+    double opaque_volume_fraction; /* of the scene's bounds */
+    double occluder_area;      /* surface of all opaque leaves */
+    double mesh_area;          /* surface of the meshes that hold occluders */
+    uint64_t tree_bytes;       /* nodes, references, triangles, bounds table */
+    double seconds_components, seconds_build, seconds_classify;
+    int32_t auto_order;        /* the vocc_order that AUTO stands for */
+    int32_t threads;           /* used by the build */
+} vocc_report;
+
+VOCC_API vocc_status vocc_scene_report(const vocc_scene *scene,
+                                       vocc_report *report, vocc_error *error);
+
+/* One mesh. */
+typedef struct vocc_mesh_report {
+    uint32_t size; /* sizeof(vocc_mesh_report), set by the caller */
+    int32_t occluder;
+    char name[64];
+    uint64_t triangle_count, vertex_count;
+    uint64_t welded_vertices;    /* distinct positions that triangles use */
+    uint64_t degenerate_triangles; /* without area */
+    int32_t first_component, component_count;
+    int32_t closed;              /* 1: every component is closed */
+    uint64_t boundary_edges;     /* with an odd number of triangles */
+    uint64_t nonmanifold_edges;  /* with more than two triangles */
+    uint64_t inconsistent_edges; /* wound alike from both sides */
+    double volume;               /* signed, in cubed units; sum of components */
+} vocc_mesh_report;
+
+VOCC_API vocc_status vocc_scene_mesh_report(const vocc_scene *scene,
+                                            int32_t geom_id,
+                                            vocc_mesh_report *report,
+                                            vocc_error *error);
+
+/* One edge-connected component of one mesh.  Vertices at equal positions are
+ * one vertex. */
+typedef struct vocc_component_report {
+    uint32_t size; /* sizeof(vocc_component_report), set by the caller */
+    int32_t geom_id;
+    uint64_t triangle_count;
+    uint64_t first_triangle;     /* smallest prim_id in it */
+    int32_t closed;              /* 1: every edge has an even count */
+    int32_t consistent;          /* 1: closed and wound consistently */
+    uint64_t boundary_edges, nonmanifold_edges, inconsistent_edges;
+    double volume;               /* signed; positive: normals point outward */
+} vocc_component_report;
+
+VOCC_API vocc_status vocc_scene_component_report(
+    const vocc_scene *scene, int32_t component, vocc_component_report *report,
+    vocc_error *error);
+
+/* Where a mesh is open: its boundary edges (odd number of triangles), each as
+ * a prim_id of one of its triangles and the edge's corner there (0: v0v1, 1:
+ * v1v2, 2: v2v0), in order of prim_id.  Writes at most `capacity` rows of
+ * edges[][2]; *count gets how many there are. */
+VOCC_API vocc_status vocc_scene_open_edges(const vocc_scene *scene,
+                                           int32_t geom_id, size_t capacity,
+                                           int32_t *edges, size_t *count,
+                                           vocc_error *error);
+
+/* The solids that region r > 0 lies in: component indices and, for each, the
+ * winding number (or 1, the parity, where a component is not consistent).
+ * Writes at most `capacity` entries; *count gets how many there are. */
+VOCC_API vocc_status vocc_scene_region_info(const vocc_scene *scene,
+                                            int32_t region, size_t capacity,
+                                            int32_t *components,
+                                            int32_t *windings, size_t *count,
+                                            vocc_error *error);
+
+typedef enum vocc_label {
+    VOCC_BOUNDARY = 0, /* holds triangles */
+    VOCC_CLEAR = 1,    /* empty, outside every solid (region 0) */
+    VOCC_OPAQUE = 2,   /* empty, inside: a volumetric occluder */
+    VOCC_UNKNOWN = 3   /* empty, not used */
+} vocc_label;
+
+/* One leaf of the kd-tree, for inspection and pictures. */
+typedef struct vocc_leaf {
+    float lower[3], upper[3]; /* relative to vocc_scene_origin */
+    int32_t label;            /* a vocc_label */
+    int32_t region;           /* of an empty leaf; -1 for the others */
+    uint32_t first;           /* of its references */
+    uint32_t count;
+} vocc_leaf;
+
+/* Writes the leaves in the tree's order, at most `capacity`; *count gets how
+ * many there are. */
+VOCC_API vocc_status vocc_scene_leaves(const vocc_scene *scene, size_t capacity,
+                                       vocc_leaf *leaves, size_t *count,
+                                       vocc_error *error);
+
+/* Writes the triangles that references first .. first + count - 1 stand for,
+ * as rows of ids[][2]: geom_id, prim_id. */
+VOCC_API vocc_status vocc_scene_references(const vocc_scene *scene,
+                                           uint64_t first, size_t count,
+                                           int32_t *ids, vocc_error *error);
+
+/* ---- queries ----------------------------------------------------------- */
+
+typedef enum vocc_order {
+    VOCC_ORDER_AUTO = 0,     /* chosen when the scene was built */
+    VOCC_ORDER_STANDARD = 1, /* front to back; triangles at once */
+    VOCC_ORDER_EXTENDED = 2, /* front to back; triangles deferred */
+    VOCC_ORDER_BFS = 3,      /* breadth first; triangles deferred */
+    VOCC_ORDER_QDBFS = 4     /* breadth first with quick descent; deferred */
+} vocc_order;
+
+typedef enum vocc_isa {
+    VOCC_ISA_AUTO = 0,   /* the best that this machine and library have */
+    VOCC_ISA_SCALAR = 1, /* plain C */
+    VOCC_ISA_SSE2 = 2    /* x86-64 */
+} vocc_isa;
+
+/* What a query did.  A packet counts once however many lanes it has. */
+typedef struct vocc_counters {
+    uint64_t rays;            /* traced; those that meet nothing by definition
+                                 (see vocc_rays) are counted, too */
+    uint64_t occluded;        /* blocked rays (vocc_intersect: hits) */
+    uint64_t packets;
+    uint64_t node_visits;     /* interior nodes: traversal steps */
+    uint64_t leaf_visits;     /* boundary leaves */
+    uint64_t triangle_tests;  /* packet x triangle */
+    uint64_t active_lanes;    /* sum of live lanes over node_visits */
+    uint64_t exact_tests;     /* ray x triangle settled beyond float32 */
+    uint64_t occluder_hits_tree;  /* rays blocked by an opaque leaf */
+    uint64_t occluder_hits_cache; /* rays blocked by a cached occluder */
+    uint64_t cache_lookups;   /* packet x cached box */
+    uint64_t fallbacks;       /* rays whose end could not be certified when an
+                                 occluder was about to decide */
+    uint64_t deferred;        /* leaves put on the deferment list */
+    uint64_t queue_pushes, queue_pops;
+    uint64_t careful_rays;    /* traced in double: values outside the range of
+                                 the float kernels */
+} vocc_counters;
+
+typedef struct vocc_query_options {
+    uint32_t size;     /* sizeof(vocc_query_options) */
+    int32_t order;     /* a vocc_order, default AUTO; ignored by intersect */
+    int32_t occluders; /* 1 (default): use volumetric occluders */
+    int32_t deferment; /* boundary leaves on the deferment list, 0 to 512
+                          (default); when it is full its triangles are tested */
+    int32_t cache;     /* occluders in the cache, 0 to 64, default 8 */
+    int32_t packets;   /* 1 (default): 4 rays at a time; 0: single rays */
+    int32_t isa;       /* a vocc_isa, default AUTO */
+    int32_t threads;   /* 0: one a processor; at most 256 */
+    vocc_progress_fn progress; /* NULL: none */
+    void *progress_user;
+    vocc_counters *counters; /* NULL: not counted, at no cost; else added to */
+} vocc_query_options;
+
+/* Fills *options with the defaults. */
+VOCC_API void vocc_query_options_init(vocc_query_options *options);
+
+/* Rays.  `org`, `dir`: rows of 3 FLOAT32 or FLOAT64.  `tmin`, `tmax`: rows of
+ * 1; data NULL means 0 and infinity.  `dir` need not be normalised; t is in
+ * its units.  FLOAT64 values are rounded to float32 (org after the scene's
+ * origin is subtracted).  A ray with a NaN or infinite org or dir, a
+ * zero-length dir, a NaN tmin or tmax, or tmin >= tmax meets nothing; that is
+ * a result, not an error.  tmin may be negative or -infinity. */
+typedef struct vocc_rays {
+    size_t count;
+    vocc_array org;
+    vocc_array dir;
+    vocc_array tmin;
+    vocc_array tmax;
+} vocc_rays;
+
+/* Outputs of vocc_intersect: contiguous arrays of rays.count; any may be NULL.
+ * A miss has t = infinity, geom_id = prim_id = -1, u = v = 0.  The hit point is
+ * (1 - u - v) v0 + u v1 + v v2.  The closest hit has the smallest t as rounded
+ * to float32; among equals the smallest (geom_id, prim_id). */
+typedef struct vocc_hits {
+    float *t;
+    int32_t *geom_id;
+    int32_t *prim_id;
+    float *u;
+    float *v;
+} vocc_hits;
+
+/* Closest hits.  options may be NULL (defaults).
+ * Fails: INVALID_ARGUMENT, NOT_BUILT, OUT_OF_MEMORY, CANCELLED, UNSUPPORTED,
+ * THREAD. */
+VOCC_API vocc_status vocc_intersect(const vocc_scene *scene,
+                                    const vocc_rays *rays,
+                                    const vocc_hits *hits,
+                                    const vocc_query_options *options,
+                                    vocc_error *error);
+
+/* Any hit: occluded[i] = 1 or 0 for each ray.  Fails as vocc_intersect. */
+VOCC_API vocc_status vocc_occluded(const vocc_scene *scene,
+                                   const vocc_rays *rays, uint8_t *occluded,
+                                   const vocc_query_options *options,
+                                   vocc_error *error);
+
+/* The region of each point (`points`: rows of 3 FLOAT32 or FLOAT64): 0 outside
+ * every closed solid, > 0 inside (see vocc_scene_region_info), -1 exactly on
+ * the surface of a closed solid, -2 for a NaN or infinite point.  Fails as
+ * vocc_intersect; LIMIT if more than 2^31 - 1 distinct regions would be met. */
+VOCC_API vocc_status vocc_region(const vocc_scene *scene, size_t count,
+                                 vocc_array points, int32_t *region,
+                                 const vocc_query_options *options,
+                                 vocc_error *error);
+
+/* A rectangle that emits from both sides: corner + a * edge_u + b * edge_v,
+ * a and b from 0 to 1. */
+typedef struct vocc_rect_light {
+    double corner[3], edge_u[3], edge_v[3];
+} vocc_rect_light;
+
+#define VOCC_NOT_TRACED 65535
+
+/* How many samples of each light each point sees: visible[l * count + i] for
+ * light l and point i, 0 to samples; VOCC_NOT_TRACED where the light's centre
+ * is not above the surface (normal . (centre - point) <= 0, in double).
+ *
+ * points, normals: `count` rows of 3 FLOAT32 or FLOAT64; normals need not have
+ * unit length.  The points are the ray origins: the caller has moved them off
+ * the surface.  point_ids: rows of 1 UINT32, or data NULL for 0, 1, 2, ...;
+ * samples: 1 to 65534.
+ *
+ * The shadow ray runs from the point O to the sample S on the light: direction
+ * S - O, 0 < t < 1.  Samples are stratified nu x nv (nv the largest divisor of
+ * samples up to its root, nu = samples / nv) and jittered by a hash of
+ * point_id * 2048 + light * 256 + sample (mod 2^32), all in float32, one
+ * rounding an operation (docs/method.md has the formulas): the same rays on
+ * every machine.  A point with a NaN or infinite coordinate, or a NaN normal,
+ * is not traced.
+ * Fails as vocc_intersect. */
+VOCC_API vocc_status vocc_light_visibility(
+    const vocc_scene *scene, size_t count, vocc_array points,
+    vocc_array normals, vocc_array point_ids, size_t light_count,
+    const vocc_rect_light *lights, int32_t samples, uint16_t *visible,
+    const vocc_query_options *options, vocc_error *error);
+
+/* </cffi> */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

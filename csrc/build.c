@@ -1,0 +1,516 @@
+#include "build.h"
+#include "memory.h"
+#include "split.h"
+#include "vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+/* The tree is built in two stages: its top, down to nodes of a size that only
+ * depends on the mesh, then those nodes as jobs.  Each writes arrays of its
+ * own, which are laid out one after the other at the end. */
+
+typedef struct settings {
+    const float *corners;
+    vocc_sah sah;
+    float scale; /* largest |coordinate| */
+    size_t max_leaf_size;
+    int max_depth, bad_refines;
+} settings;
+
+/* A node still to be built. */
+typedef struct pending {
+    size_t count;
+    vocc_bounds box;
+    int depth;
+    int bad;       /* splits in a row that the SAH found too dear */
+    size_t budget; /* references that splits below may add */
+} pending;
+
+/* A subtree left to a job. */
+typedef struct task {
+    pending node;
+    vocc_reference *references;
+    uint32_t place; /* node of the top that it is */
+    vocc_node *nodes;
+    size_t node_count;
+    uint32_t *leaves; /* triangles of its leaves */
+    size_t leaf_count;
+    int depth;
+} task;
+
+typedef struct builder {
+    const vocc_allocator *allocator;
+    const settings *settings;
+    vocc_node *nodes;
+    size_t node_count, node_capacity;
+    uint32_t *leaves;
+    size_t leaf_count, leaf_capacity;
+    /* References of the open nodes, a stack: a node's are the last `count`. */
+    vocc_reference *stack;
+    size_t stack_count, stack_capacity;
+    int depth;
+    /* The top only: nodes of at most task_size become tasks. */
+    size_t task_size;
+    task *tasks;
+    size_t task_count, task_capacity;
+    /* To report, and to be stopped. */
+    vocc_jobs *jobs;
+    int worker;
+    vocc_ticker *ticker;
+    size_t total, work;
+    vocc_status status;
+} builder;
+
+static int fail(builder *b, vocc_status status)
+{
+    b->status = status;
+    return 0;
+}
+
+static int grow(builder *b, void *items, size_t *capacity, size_t used,
+                size_t wanted, size_t size)
+{
+    /* items is the address of a pointer to objects of any one type. */
+    void *memory;
+    memcpy(&memory, items, sizeof memory);
+    if (!vocc_grow(b->allocator, &memory, capacity, used, wanted, size))
+        return fail(b, VOCC_ERROR_OUT_OF_MEMORY);
+    memcpy(items, &memory, sizeof memory);
+    return 1;
+}
+
+/* Called with the number of references looked at. */
+static int poll(builder *b, size_t work)
+{
+    b->work += work;
+    if (b->work < 16384)
+        return 1;
+    b->work = 0;
+    if (b->jobs ? vocc_jobs_poll(b->jobs, b->worker)
+                : vocc_tick(b->ticker, 0.0))
+        return fail(b, VOCC_ERROR_CANCELLED);
+    return 1;
+}
+
+static int make_leaf(builder *b, uint32_t index, const pending *node)
+{
+    const vocc_reference *r = b->stack + (b->stack_count - node->count);
+    size_t i;
+    if (!grow(b, &b->leaves, &b->leaf_capacity, b->leaf_count,
+              b->leaf_count + node->count, sizeof *b->leaves))
+        return 0;
+    b->nodes[index].at.first = (uint32_t)b->leaf_count;
+    b->nodes[index].bits =
+        VOCC_LEAF |
+        (uint32_t)(node->count ? VOCC_BOUNDARY : VOCC_UNKNOWN) << 2 |
+        (uint32_t)node->count << 4;
+    for (i = 0; i < node->count; i++)
+        b->leaves[b->leaf_count++] = r[i].triangle;
+    b->stack_count -= node->count;
+    if (node->depth > b->depth)
+        b->depth = node->depth;
+    return 1;
+}
+
+static int make_task(builder *b, uint32_t index, const pending *node)
+{
+    task *t;
+    if (!grow(b, &b->tasks, &b->task_capacity, b->task_count,
+              b->task_count + 1, sizeof *b->tasks))
+        return 0;
+    t = &b->tasks[b->task_count];
+    memset(t, 0, sizeof *t);
+    t->references =
+        vocc_allocate(b->allocator, node->count, sizeof *t->references);
+    if (!t->references)
+        return fail(b, VOCC_ERROR_OUT_OF_MEMORY);
+    b->stack_count -= node->count;
+    memcpy(t->references, b->stack + b->stack_count,
+           node->count * sizeof *t->references);
+    t->node = *node;
+    t->place = index;
+    b->task_count++;
+    return 1;
+}
+
+/* Which sides of the plane a reference's bounds are on. */
+static int sides_of(const vocc_bounds *r, const vocc_split *split)
+{
+    const float lower = r->lower[split->axis], upper = r->upper[split->axis];
+    if (lower == split->pos && upper == split->pos)
+        return split->planar_below ? 1 : 2;
+    if (upper <= split->pos)
+        return 1;
+    if (lower >= split->pos)
+        return 2;
+    return 3;
+}
+
+/* Replaces the node's references on the stack by those of the child below,
+ * then those of the child above. */
+static int partition(builder *b, const pending *node, const vocc_split *split,
+                     size_t *below, size_t *above)
+{
+    const size_t begin = b->stack_count - node->count;
+    size_t i, low = 0, high = 0;
+    vocc_reference *from, *to, *up;
+    /* Room for both children above the node; the child above grows from the
+     * end. */
+    if (!grow(b, &b->stack, &b->stack_capacity, b->stack_count,
+              b->stack_count + 2 * node->count, sizeof *b->stack))
+        return 0;
+    from = b->stack + begin;
+    to = b->stack + b->stack_count;
+    up = to + 2 * node->count;
+    for (i = 0; i < node->count; i++) {
+        vocc_bounds parts[2];
+        int sides = sides_of(&from[i].bounds, split);
+        if (sides == 3)
+            sides = vocc_clip_split(
+                b->settings->corners + 9 * (size_t)from[i].triangle,
+                &from[i].bounds, split->axis, split->pos, b->settings->scale,
+                &parts[0], &parts[1]);
+        else
+            parts[0] = parts[1] = from[i].bounds;
+        if (sides & 1) {
+            to[low].bounds = parts[0];
+            to[low++].triangle = from[i].triangle;
+        }
+        if (sides & 2) {
+            up--;
+            up->bounds = parts[1];
+            up->triangle = from[i].triangle;
+            high++;
+        }
+    }
+    memmove(from, to, low * sizeof *from);
+    memmove(from + low, up, high * sizeof *from);
+    b->stack_count = begin + low + high;
+    *below = low;
+    *above = high;
+    return 1;
+}
+
+/* Whether to split, by cost: pbrt's rule, which tries a few splits that do not
+ * pay by themselves. */
+static int worth_it(const settings *s, const pending *node,
+                    const vocc_split *split, int *bad)
+{
+    const double leaf_cost =
+        s->sah.intersection_cost * (double)node->count;
+    *bad = node->bad;
+    if (split->axis < 0 || node->depth >= s->max_depth)
+        return 0;
+    if (split->cost <= leaf_cost)
+        return 1;
+    if (node->count > s->max_leaf_size)
+        return 1;
+    ++*bad;
+    return *bad <= s->bad_refines &&
+           (split->cost <= 4.0 * leaf_cost || node->count >= 16);
+}
+
+static int build_node(builder *b, uint32_t index, const pending *node)
+{
+    vocc_split split;
+    pending child[2];
+    uint32_t pair;
+    size_t added, spare;
+    int bad;
+    if (node->count == 0)
+        return make_leaf(b, index, node);
+    if (b->task_size && node->count <= b->task_size)
+        return make_task(b, index, node);
+    if (!poll(b, node->count))
+        return 0;
+    split = vocc_find_split(b->stack + (b->stack_count - node->count),
+                            node->count, &node->box, &b->settings->sah);
+    if (!worth_it(b->settings, node, &split, &bad))
+        return make_leaf(b, index, node);
+    /* On hostile input (all triangles alike) the SAH would copy them into
+     * every leaf along a diagonal: the budget ends that.  A split can at most
+     * double the references. */
+    if (node->budget < node->count) {
+        size_t i, both = 0;
+        for (i = b->stack_count - node->count; i < b->stack_count; i++)
+            both += sides_of(&b->stack[i].bounds, &split) == 3;
+        if (both > node->budget)
+            return make_leaf(b, index, node);
+    }
+    child[0] = child[1] = *node;
+    if (!partition(b, node, &split, &child[0].count, &child[1].count))
+        return 0;
+    added = child[0].count + child[1].count > node->count
+                ? child[0].count + child[1].count - node->count
+                : 0;
+    spare = node->budget > added ? node->budget - added : 0;
+    child[0].budget =
+        (size_t)((double)spare * (double)child[0].count /
+                 (double)(child[0].count + child[1].count + 1));
+    child[1].budget = spare - child[0].budget;
+    child[0].depth = child[1].depth = node->depth + 1;
+    child[0].bad = child[1].bad = bad;
+    child[0].box.upper[split.axis] = split.pos;
+    child[1].box.lower[split.axis] = split.pos;
+
+    if (!grow(b, &b->nodes, &b->node_capacity, b->node_count,
+              b->node_count + 2, sizeof *b->nodes))
+        return 0;
+    if (b->node_count / 2 >= (size_t)1 << 26)
+        return fail(b, VOCC_ERROR_LIMIT);
+    pair = (uint32_t)(b->node_count / 2);
+    b->node_count += 2;
+    memset(&b->nodes[2 * pair], 0, 2 * sizeof *b->nodes);
+    b->nodes[index].at.split_pos = split.pos;
+    b->nodes[index].bits = (uint32_t)split.axis | pair << 6;
+    /* The child above lies on top of the stack. */
+    return build_node(b, 2 * pair + 1, &child[1]) &&
+           build_node(b, 2 * pair, &child[0]);
+}
+
+static void builder_free(builder *b)
+{
+    size_t i;
+    for (i = 0; i < b->task_count; i++) {
+        vocc_release(b->allocator, b->tasks[i].references);
+        vocc_release(b->allocator, b->tasks[i].nodes);
+        vocc_release(b->allocator, b->tasks[i].leaves);
+    }
+    vocc_release(b->allocator, b->tasks);
+    vocc_release(b->allocator, b->nodes);
+    vocc_release(b->allocator, b->leaves);
+    vocc_release(b->allocator, b->stack);
+}
+
+/* Room for the root and the unused node 1. */
+static int begin_nodes(builder *b)
+{
+    if (!grow(b, &b->nodes, &b->node_capacity, 0, 2, sizeof *b->nodes))
+        return 0;
+    memset(b->nodes, 0, 2 * sizeof *b->nodes);
+    b->node_count = 2;
+    return 1;
+}
+
+static vocc_status run_task(void *context, size_t job, int worker,
+                            vocc_jobs *jobs)
+{
+    const builder *top = context;
+    task *t = &top->tasks[job];
+    builder b;
+    memset(&b, 0, sizeof b);
+    b.allocator = top->allocator;
+    b.settings = top->settings;
+    b.jobs = jobs;
+    b.worker = worker;
+    b.stack = t->references;
+    b.stack_count = b.stack_capacity = t->node.count;
+    t->references = NULL;
+    if (begin_nodes(&b) && build_node(&b, 0, &t->node)) {
+        t->nodes = b.nodes;
+        t->node_count = b.node_count;
+        t->leaves = b.leaves;
+        t->leaf_count = b.leaf_count;
+        t->depth = b.depth;
+        b.nodes = NULL;
+        b.leaves = NULL;
+    }
+    builder_free(&b);
+    return b.status;
+}
+
+/* Moves a subtree's node to where its arrays begin in the whole. */
+static vocc_node moved(vocc_node n, uint32_t pairs, uint32_t leaves)
+{
+    if (!vocc_is_leaf(n))
+        n.bits += pairs << 6;
+    else if (vocc_label_of(n) == VOCC_BOUNDARY)
+        n.at.first += leaves;
+    return n;
+}
+
+/* Lays the top and the tasks out in one array each. */
+static vocc_status join(const builder *top, vocc_tree *tree)
+{
+    const vocc_allocator *allocator = top->allocator;
+    size_t i, j, nodes = top->node_count, leaves = top->leaf_count;
+    for (i = 0; i < top->task_count; i++) {
+        nodes += top->tasks[i].node_count - 2;
+        leaves += top->tasks[i].leaf_count;
+    }
+    if (nodes / 2 > (size_t)1 << 26 || leaves > (size_t)UINT32_MAX)
+        return VOCC_ERROR_LIMIT;
+    tree->nodes = vocc_allocate(allocator, nodes, sizeof *tree->nodes);
+    tree->references =
+        vocc_allocate(allocator, leaves, sizeof *tree->references);
+    if (!tree->nodes || !tree->references)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    memcpy(tree->nodes, top->nodes, top->node_count * sizeof *tree->nodes);
+    memcpy(tree->references, top->leaves,
+           top->leaf_count * sizeof *tree->references);
+    tree->node_count = top->node_count;
+    tree->reference_count = top->leaf_count;
+    tree->depth = top->depth;
+    for (i = 0; i < top->task_count; i++) {
+        const task *t = &top->tasks[i];
+        const uint32_t pairs = (uint32_t)(tree->node_count / 2 - 1),
+                       first = (uint32_t)tree->reference_count;
+        tree->nodes[t->place] = moved(t->nodes[0], pairs, first);
+        for (j = 2; j < t->node_count; j++)
+            tree->nodes[tree->node_count++] =
+                moved(t->nodes[j], pairs, first);
+        memcpy(tree->references + tree->reference_count, t->leaves,
+               t->leaf_count * sizeof *tree->references);
+        tree->reference_count += t->leaf_count;
+        if (t->depth > tree->depth)
+            tree->depth = t->depth;
+    }
+    return VOCC_OK;
+}
+
+/* Stores triangles in the order in which leaves mention them first: what a ray
+ * meets together lies together. */
+static vocc_status sort_triangles(const builder *top, size_t count,
+                                  vocc_tree *tree)
+{
+    const uint32_t none = UINT32_MAX;
+    uint32_t *number =
+        vocc_allocate(top->allocator, count, sizeof *number);
+    size_t i, next = 0;
+    tree->corners =
+        vocc_allocate(top->allocator, count, 9 * sizeof *tree->corners);
+    tree->ids = vocc_allocate(top->allocator, count, sizeof *tree->ids);
+    if (!number || !tree->corners || !tree->ids) {
+        vocc_release(top->allocator, number);
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    }
+    for (i = 0; i < count; i++)
+        number[i] = none;
+    for (i = 0; i < tree->reference_count; i++) {
+        const uint32_t t = tree->references[i];
+        if (number[t] == none) {
+            memcpy(tree->corners + 9 * next,
+                   top->settings->corners + 9 * (size_t)t,
+                   9 * sizeof *tree->corners);
+            tree->ids[next] = t;
+            number[t] = (uint32_t)next++;
+        }
+        tree->references[i] = number[t];
+    }
+    tree->triangle_count = next;
+    vocc_release(top->allocator, number);
+    return VOCC_OK;
+}
+
+/* One reference a triangle, with the bounds of all. */
+static int begin_references(builder *b, const float *corners, size_t count,
+                            vocc_bounds *box, float *scale)
+{
+    size_t i;
+    int j, k;
+    for (k = 0; k < 3; k++) {
+        box->lower[k] = count ? FLT_MAX : 1.0f;
+        box->upper[k] = count ? -FLT_MAX : -1.0f;
+    }
+    *scale = 0.0f;
+    if (!grow(b, &b->stack, &b->stack_capacity, 0, count, sizeof *b->stack))
+        return 0;
+    for (i = 0; i < count; i++) {
+        vocc_bounds *r = &b->stack[i].bounds;
+        b->stack[i].triangle = (uint32_t)i;
+        for (k = 0; k < 3; k++) {
+            r->lower[k] = r->upper[k] = corners[9 * i + (size_t)k];
+            for (j = 1; j < 3; j++) {
+                const float x = corners[9 * i + (size_t)(3 * j + k)];
+                r->lower[k] = x < r->lower[k] ? x : r->lower[k];
+                r->upper[k] = x > r->upper[k] ? x : r->upper[k];
+            }
+            if (r->lower[k] < box->lower[k])
+                box->lower[k] = r->lower[k];
+            if (r->upper[k] > box->upper[k])
+                box->upper[k] = r->upper[k];
+        }
+    }
+    for (k = 0; k < 3; k++) {
+        /* Outward, away from tiny values: see VOCC_TINY. */
+        if (vocc_absf(box->lower[k]) < VOCC_TINY)
+            box->lower[k] = box->lower[k] < 0.0f ? -VOCC_TINY : 0.0f;
+        if (vocc_absf(box->upper[k]) < VOCC_TINY)
+            box->upper[k] = box->upper[k] > 0.0f ? VOCC_TINY : 0.0f;
+    }
+    for (k = 0; k < 3; k++) {
+        const float low = vocc_absf(box->lower[k]),
+                    high = vocc_absf(box->upper[k]);
+        *scale = low > *scale ? low : *scale;
+        *scale = high > *scale ? high : *scale;
+    }
+    b->stack_count = count;
+    return 1;
+}
+
+static int default_depth(size_t count)
+{
+    int depth = 8 + (int)(1.6 * log2((double)count + 1.0));
+    return depth > VOCC_MAX_DEPTH ? VOCC_MAX_DEPTH : depth;
+}
+
+static vocc_status build(builder *top, const float *corners, size_t count,
+                         int threads, settings *s, vocc_tree *tree)
+{
+    pending root;
+    vocc_status status;
+    vocc_bounds box;
+    memset(&root, 0, sizeof root);
+    if (!begin_references(top, corners, count, &box, &s->scale) ||
+        !begin_nodes(top))
+        return top->status;
+    memcpy(tree->lower, box.lower, sizeof tree->lower);
+    memcpy(tree->upper, box.upper, sizeof tree->upper);
+    tree->scale = s->scale;
+    root.count = count;
+    root.box = box;
+    root.budget = 12 * count + 64;
+    top->total = count;
+    top->task_size = count / 32 > 2048 ? count / 32 : 2048;
+    vocc_ticker_stage(top->ticker, top->ticker->last, top->ticker->last);
+    if (!build_node(top, 0, &root))
+        return top->status;
+    vocc_release(top->allocator, top->stack);
+    top->stack = NULL;
+    vocc_ticker_stage(top->ticker, top->ticker->last, 0.8);
+    status = vocc_jobs_run(top->allocator, threads, top->task_count, run_task,
+                           top, top->ticker);
+    if (status == VOCC_OK)
+        status = join(top, tree);
+    if (status == VOCC_OK)
+        status = sort_triangles(top, count, tree);
+    return status;
+}
+
+vocc_status vocc_build(const vocc_allocator *allocator, const float *corners,
+                       size_t count, const vocc_build_options *options,
+                       vocc_ticker *ticker, vocc_tree *tree)
+{
+    settings s;
+    builder top;
+    vocc_status status;
+    memset(tree, 0, sizeof *tree);
+    memset(&top, 0, sizeof top);
+    s.corners = corners;
+    s.sah.traversal_cost = (double)options->traversal_cost;
+    s.sah.intersection_cost = (double)options->intersection_cost;
+    s.sah.empty_bonus = (double)options->empty_bonus;
+    s.max_leaf_size = (size_t)options->max_leaf_size;
+    s.max_depth =
+        options->max_depth ? options->max_depth : default_depth(count);
+    s.bad_refines = options->bad_refines;
+    top.allocator = allocator;
+    top.settings = &s;
+    top.ticker = ticker;
+    status = build(&top, corners, count, options->threads, &s, tree);
+    builder_free(&top);
+    if (status != VOCC_OK)
+        vocc_tree_free(allocator, tree);
+    return status;
+}

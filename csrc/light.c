@@ -1,0 +1,43 @@
+#include "light.h"
+#include "traverse.h"
+#include "vec3.h"
+#include "walk.h"
+
+int vocc_light_init(vocc_light *light, const vocc_rect_light *source,
+                    const double origin[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        light->corner[k] = (float)(source->corner[k] - origin[k]);
+        light->edge_u[k] = (float)source->edge_u[k];
+        light->edge_v[k] = (float)source->edge_v[k];
+        if (!vocc_finitef(light->corner[k]) ||
+            !vocc_finitef(light->edge_u[k]) || !vocc_finitef(light->edge_v[k]))
+            return 0;
+        light->centre[k] = (double)light->corner[k] +
+                           (double)light->edge_u[k] / 2.0 +
+                           (double)light->edge_v[k] / 2.0;
+    }
+    return 1;
+}
+
+int32_t vocc_light_region(const vocc_light *light, const vocc_tree *tree,
+                          const double reach[3])
+{
+    double lower[3], upper[3];
+    int32_t region;
+    int k;
+    for (k = 0; k < 3; k++) {
+        const double p = (double)light->corner[k], u = (double)light->edge_u[k],
+                     v = (double)light->edge_v[k];
+        /* A point of the light has four float32 roundings of numbers up to
+         * `size`; the direction to it one, of numbers up to size + reach:
+         * org + dir is off by less than 2^-22 of the latter. */
+        const double size = vocc_abs(p) + vocc_abs(u) + vocc_abs(v);
+        const double margin = 0x1p-22 * (size + reach[k]) + 0x1p-140;
+        lower[k] = p + (u < 0.0 ? u : 0.0) + (v < 0.0 ? v : 0.0) - margin;
+        upper[k] = p + (u > 0.0 ? u : 0.0) + (v > 0.0 ? v : 0.0) + margin;
+    }
+    return vocc_locate_box(tree, lower, upper, &region) ? region
+                                                        : VOCC_END_UNKNOWN;
+}

@@ -1,0 +1,52 @@
+/* What the compiler and the machine give.  Included by every source file. */
+#ifndef VOCC_PLATFORM_H
+#define VOCC_PLATFORM_H
+
+#include <float.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __FAST_MATH__
+#error "vocc needs IEEE arithmetic: compile without -ffast-math"
+#endif
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16
+#error "vocc needs float and double arithmetic without excess precision"
+#endif
+
+/* -DVOCC_SIMD=0 leaves only the plain C kernels. */
+#ifndef VOCC_SIMD
+#define VOCC_SIMD 1
+#endif
+#if VOCC_SIMD && (defined(__x86_64__) || defined(_M_X64))
+#define VOCC_HAVE_SSE2 1
+#else
+#define VOCC_HAVE_SSE2 0
+#endif
+
+#if defined(__GNUC__)
+#define VOCC_INTERNAL __attribute__((visibility("hidden")))
+#define VOCC_INLINE static inline __attribute__((always_inline))
+#define VOCC_NOINLINE __attribute__((noinline))
+#define VOCC_ALIGN(n) __attribute__((aligned(n)))
+#define VOCC_LIKELY(x) __builtin_expect(!!(x), 1)
+#define VOCC_UNLIKELY(x) __builtin_expect(!!(x), 0)
+#define VOCC_PRINTF(f, a) __attribute__((format(printf, f, a)))
+#elif defined(_MSC_VER)
+#define VOCC_INTERNAL
+#define VOCC_INLINE static __forceinline
+#define VOCC_NOINLINE __declspec(noinline)
+#define VOCC_ALIGN(n) __declspec(align(n))
+#define VOCC_LIKELY(x) (x)
+#define VOCC_UNLIKELY(x) (x)
+#define VOCC_PRINTF(f, a)
+#else
+#define VOCC_INTERNAL
+#define VOCC_INLINE static inline
+#define VOCC_NOINLINE
+#define VOCC_ALIGN(n)
+#define VOCC_LIKELY(x) (x)
+#define VOCC_UNLIKELY(x) (x)
+#define VOCC_PRINTF(f, a)
+#endif
+
+#endif

@@ -1,0 +1,453 @@
+#include "query.h"
+#include "array.h"
+#include "memory.h"
+#include "status.h"
+#include "vec3.h"
+#include "walk.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <string.h>
+
+/* ---- what all queries share ------------------------------------------------ */
+
+void vocc_query_options_init(vocc_query_options *options)
+{
+    memset(options, 0, sizeof *options);
+    options->size = (uint32_t)sizeof *options;
+    options->order = VOCC_ORDER_AUTO;
+    options->occluders = 1;
+    options->deferment = VOCC_MAX_DEFERMENT;
+    options->cache = 8;
+    options->packets = 1;
+    options->isa = VOCC_ISA_AUTO;
+}
+
+static vocc_status check_range(vocc_error *error, const char *argument,
+                               int32_t value, int32_t low, int32_t high)
+{
+    if (value >= low && value <= high)
+        return VOCC_OK;
+    return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1,
+                     (double)value,
+                     "%s is %" PRId32 ": it has to be from %" PRId32
+                     " to %" PRId32,
+                     argument, value, low, high);
+}
+
+static vocc_status check_options(const vocc_query_options *o,
+                                 vocc_error *error)
+{
+    vocc_status s;
+    if (o->size != sizeof *o)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1,
+                         (double)o->size,
+                         "options: size is %" PRIu32
+                         ", not sizeof(vocc_query_options)",
+                         o->size);
+    s = check_range(error, "order", o->order, VOCC_ORDER_AUTO,
+                    VOCC_ORDER_QDBFS);
+    if (s == VOCC_OK)
+        s = check_range(error, "occluders", o->occluders, 0, 1);
+    if (s == VOCC_OK)
+        s = check_range(error, "deferment", o->deferment, 0,
+                        VOCC_MAX_DEFERMENT);
+    if (s == VOCC_OK)
+        s = check_range(error, "cache", o->cache, 0, VOCC_MAX_CACHE);
+    if (s == VOCC_OK)
+        s = check_range(error, "packets", o->packets, 0, 1);
+    if (s == VOCC_OK)
+        s = check_range(error, "isa", o->isa, VOCC_ISA_AUTO, VOCC_ISA_SSE2);
+    if (s == VOCC_OK)
+        s = check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
+    return s;
+}
+
+static void free_workers(vocc_query *query)
+{
+    const vocc_allocator *a = &query->scene->allocator;
+    int i;
+    for (i = 0; i < query->worker_count; i++) {
+        vocc_tracer_free(a, query->workers[i].tracer);
+        vocc_release(a, query->workers[i].block);
+    }
+}
+
+vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
+                             const vocc_query_options *options, size_t jobs,
+                             vocc_error *error)
+{
+    vocc_status status;
+    if (!scene)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "scene", -1,
+                         (double)NAN, "scene: NULL");
+    if (!scene->is_built)
+        return vocc_fail_plain(error, VOCC_ERROR_NOT_BUILT);
+    query->scene = scene;
+    vocc_query_options_init(&query->options);
+    if (options) {
+        status = check_options(options, error);
+        if (status != VOCC_OK)
+            return status;
+        query->options = *options;
+    }
+    if (query->options.order == VOCC_ORDER_AUTO)
+        query->options.order = scene->built.report.auto_order;
+    query->kernels = vocc_find_kernels(&query->options);
+    if (!query->kernels)
+        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "isa", -1,
+                         (double)query->options.isa,
+                         "isa is %" PRId32 ": not in this build of the library",
+                         query->options.isa);
+    if (query->options.threads == 0)
+        query->options.threads = vocc_processor_count();
+    if ((size_t)query->options.threads > jobs)
+        query->options.threads = jobs ? (int32_t)jobs : 1;
+    vocc_ticker_init(&query->ticker, query->options.progress,
+                     query->options.progress_user);
+    query->worker_count = 0;
+    while (query->worker_count < query->options.threads) {
+        vocc_worker *w = &query->workers[query->worker_count++];
+        w->tracer =
+            vocc_tracer_create(&scene->allocator, &scene->built.tree,
+                               &query->options, query->kernels);
+        w->block = vocc_allocate(&scene->allocator, 1, sizeof *w->block);
+        if (!w->tracer || !w->block) {
+            free_workers(query);
+            return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+        }
+    }
+    return VOCC_OK;
+}
+
+vocc_status vocc_query_run(vocc_query *query, size_t jobs, vocc_job_fn run,
+                           void *context)
+{
+    const vocc_status status =
+        vocc_jobs_run(&query->scene->allocator, query->worker_count, jobs, run,
+                      context, &query->ticker);
+    if (status == VOCC_OK && vocc_tick(&query->ticker, 1.0))
+        return VOCC_ERROR_CANCELLED;
+    return status;
+}
+
+static void add_counters(vocc_counters *to, const vocc_counters *from)
+{
+    /* All fields are uint64_t. */
+    uint64_t a[sizeof *to / sizeof(uint64_t)], b[sizeof a / sizeof *a];
+    size_t i;
+    memcpy(a, to, sizeof a);
+    memcpy(b, from, sizeof b);
+    for (i = 0; i < sizeof a / sizeof *a; i++)
+        a[i] += b[i];
+    memcpy(to, a, sizeof a);
+}
+
+vocc_status vocc_query_end(vocc_query *query, vocc_status status,
+                           vocc_error *error)
+{
+    int i;
+    if (status == VOCC_OK && query->options.counters)
+        for (i = 0; i < query->worker_count; i++)
+            add_counters(query->options.counters,
+                         &query->workers[i].tracer->counters);
+    free_workers(query);
+    return status == VOCC_OK ? VOCC_OK : vocc_fail_plain(error, status);
+}
+
+/* ---- rays -------------------------------------------------------------------- */
+
+/* Rays a job: some milliseconds. */
+enum { JOB_RAYS = 16 * VOCC_BLOCK };
+
+typedef struct ray_query {
+    vocc_query query;
+    const vocc_rays *rays;
+    const vocc_hits *hits; /* or */
+    uint8_t *occluded;
+} ray_query;
+
+static vocc_status check_rays(const vocc_rays *rays, vocc_error *error)
+{
+    vocc_status status;
+    if (!rays)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "rays", -1,
+                         (double)NAN, "rays: NULL");
+    status = vocc_check_floats(rays->org, rays->count, "org", error);
+    if (status == VOCC_OK)
+        status = vocc_check_floats(rays->dir, rays->count, "dir", error);
+    if (status == VOCC_OK && rays->tmin.data)
+        status = vocc_check_floats(rays->tmin, rays->count, "tmin", error);
+    if (status == VOCC_OK && rays->tmax.data)
+        status = vocc_check_floats(rays->tmax, rays->count, "tmax", error);
+    return status;
+}
+
+static void load_vectors(vocc_array array, const double origin[3], size_t first,
+                         size_t count, float *x, float *y, float *z)
+{
+    const int moved =
+        origin[0] != 0.0 || origin[1] != 0.0 || origin[2] != 0.0;
+    size_t i;
+    if (array.type == VOCC_FLOAT32 && !moved) {
+        const char *row = vocc_row(&array, first);
+        for (i = 0; i < count; i++, row += array.stride) {
+            const float *v = (const float *)(const void *)row;
+            x[i] = v[0];
+            y[i] = v[1];
+            z[i] = v[2];
+        }
+        return;
+    }
+    for (i = 0; i < count; i++) {
+        x[i] = (float)(vocc_get_float(&array, first + i, 0) - origin[0]);
+        y[i] = (float)(vocc_get_float(&array, first + i, 1) - origin[1]);
+        z[i] = (float)(vocc_get_float(&array, first + i, 2) - origin[2]);
+    }
+}
+
+static void load_scalars(vocc_array array, float none, size_t first,
+                         size_t count, float *out)
+{
+    size_t i;
+    for (i = 0; i < count; i++)
+        out[i] = array.data ? (float)vocc_get_float(&array, first + i, 0)
+                            : none;
+}
+
+static void load_block(const ray_query *q, size_t first, vocc_block *block)
+{
+    static const double nowhere[3] = {0.0, 0.0, 0.0};
+    size_t i;
+    load_vectors(q->rays->org, q->query.scene->built.origin, first,
+                 block->count, block->org[0], block->org[1], block->org[2]);
+    load_vectors(q->rays->dir, nowhere, first, block->count, block->dir[0],
+                 block->dir[1], block->dir[2]);
+    load_scalars(q->rays->tmin, 0.0f, first, block->count, block->tmin);
+    load_scalars(q->rays->tmax, INFINITY, first, block->count, block->tmax);
+    for (i = 0; i < block->count; i++)
+        block->end_region[i] =
+            block->tmax[i] > FLT_MAX ? 0 : VOCC_END_UNKNOWN;
+}
+
+static void store_hits(const ray_query *q, size_t first,
+                       const vocc_block *block)
+{
+    const vocc_hits *h = q->hits;
+    size_t i;
+    for (i = 0; i < block->count; i++) {
+        int32_t geom_id = -1, prim_id = -1;
+        if (block->triangle[i] != UINT32_MAX)
+            vocc_scene_triangle(q->query.scene, block->triangle[i], &geom_id,
+                                &prim_id);
+        if (h->t)
+            h->t[first + i] = block->t[i];
+        if (h->geom_id)
+            h->geom_id[first + i] = geom_id;
+        if (h->prim_id)
+            h->prim_id[first + i] = prim_id;
+        if (h->u)
+            h->u[first + i] = block->u[i];
+        if (h->v)
+            h->v[first + i] = block->v[i];
+    }
+}
+
+static vocc_status trace_rays(void *context, size_t job, int worker,
+                              vocc_jobs *jobs)
+{
+    ray_query *q = context;
+    const vocc_worker *w = &q->query.workers[worker];
+    size_t first = job * JOB_RAYS, end = first + JOB_RAYS;
+    (void)jobs;
+    if (end > q->rays->count)
+        end = q->rays->count;
+    /* So that counters do not depend on which worker took which job. */
+    w->tracer->cache.count = 0;
+    for (; first < end; first += w->block->count) {
+        w->block->count = end - first < VOCC_BLOCK ? end - first : VOCC_BLOCK;
+        load_block(q, first, w->block);
+        if (q->hits) {
+            q->query.kernels->closest(w->tracer, w->block);
+            store_hits(q, first, w->block);
+        } else {
+            q->query.kernels->occluded(w->tracer, w->block);
+            memcpy(q->occluded + first, w->block->occluded, w->block->count);
+        }
+    }
+    return VOCC_OK;
+}
+
+static vocc_status run_rays(const vocc_scene *scene, ray_query *q,
+                            const vocc_query_options *options,
+                            vocc_error *error)
+{
+    const size_t jobs =
+        q->rays->count / JOB_RAYS + (q->rays->count % JOB_RAYS != 0);
+    vocc_status status =
+        vocc_query_begin(&q->query, scene, options, jobs, error);
+    if (status != VOCC_OK)
+        return status;
+    status = vocc_query_run(&q->query, jobs, trace_rays, q);
+    return vocc_query_end(&q->query, status, error);
+}
+
+vocc_status vocc_intersect(const vocc_scene *scene, const vocc_rays *rays,
+                           const vocc_hits *hits,
+                           const vocc_query_options *options, vocc_error *error)
+{
+    ray_query q;
+    const vocc_status status = check_rays(rays, error);
+    if (status != VOCC_OK)
+        return status;
+    if (!hits)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "hits", -1,
+                         (double)NAN, "hits: NULL");
+    q.rays = rays;
+    q.hits = hits;
+    q.occluded = NULL;
+    return run_rays(scene, &q, options, error);
+}
+
+vocc_status vocc_occluded(const vocc_scene *scene, const vocc_rays *rays,
+                          uint8_t *occluded, const vocc_query_options *options,
+                          vocc_error *error)
+{
+    ray_query q;
+    const vocc_status status = check_rays(rays, error);
+    if (status != VOCC_OK)
+        return status;
+    if (!occluded && rays->count)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "occluded", -1,
+                         (double)NAN, "occluded: NULL");
+    q.rays = rays;
+    q.hits = NULL;
+    q.occluded = occluded;
+    return run_rays(scene, &q, options, error);
+}
+
+/* ---- regions of points --------------------------------------------------------- */
+
+enum {
+    JOB_POINTS = 1024,
+    ON_SURFACE = -1,
+    NOT_A_POINT = -2,
+    NEW_REGION = -3 /* to be added when all workers are done */
+};
+
+typedef struct point_query {
+    vocc_query query;
+    size_t count;
+    vocc_array points;
+    int32_t *region;
+} point_query;
+
+/* The region of point i; its set is left in *seed if it has no number yet. */
+static vocc_status find_region(point_query *q, size_t i, vocc_seed *seed)
+{
+    static const double exactly[3] = {0.0, 0.0, 0.0};
+    const vocc_scene *scene = q->query.scene;
+    const vocc_solids solids = vocc_scene_solids(scene);
+    float p[3];
+    double wide[3];
+    int k;
+    load_vectors(q->points, scene->built.origin, i, 1, &p[0], &p[1], &p[2]);
+    for (k = 0; k < 3; k++) {
+        wide[k] = (double)p[k];
+        if (!vocc_finitef(p[k])) {
+            q->region[i] = NOT_A_POINT;
+            return VOCC_OK;
+        }
+    }
+    if (vocc_locate(&scene->built.tree, wide, exactly, &q->region[i]))
+        return VOCC_OK;
+    switch (vocc_seed_shoot(&scene->allocator, &scene->built.tree, &solids, p,
+                            0, seed)) {
+    case VOCC_SEED_OK:
+        vocc_mutex_lock(scene->built.regions_mutex);
+        q->region[i] = vocc_regions_find(scene->built.regions, seed->set,
+                                         seed->set_count);
+        vocc_mutex_unlock(scene->built.regions_mutex);
+        if (q->region[i] < 0)
+            q->region[i] = NEW_REGION;
+        return VOCC_OK;
+    case VOCC_SEED_ON_SURFACE:
+        q->region[i] = ON_SURFACE;
+        return VOCC_OK;
+    case VOCC_SEED_NO_MEMORY:
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    case VOCC_SEED_NO_DIRECTION:
+    default:
+        return VOCC_ERROR_LIMIT;
+    }
+}
+
+static vocc_status locate_points(void *context, size_t job, int worker,
+                                 vocc_jobs *jobs)
+{
+    point_query *q = context;
+    vocc_seed seed;
+    vocc_status status = VOCC_OK;
+    size_t i = job * JOB_POINTS, end = i + JOB_POINTS;
+    memset(&seed, 0, sizeof seed);
+    if (end > q->count)
+        end = q->count;
+    for (; i < end && status == VOCC_OK; i++) {
+        if (i % 64 == 0 && vocc_jobs_poll(jobs, worker))
+            status = VOCC_ERROR_CANCELLED;
+        else
+            status = find_region(q, i, &seed);
+    }
+    vocc_seed_free(&q->query.scene->allocator, &seed);
+    return status;
+}
+
+/* Numbers regions that no leaf has, in the order of the points. */
+static vocc_status add_regions(point_query *q)
+{
+    const vocc_scene *scene = q->query.scene;
+    vocc_seed seed;
+    vocc_status status = VOCC_OK;
+    size_t i;
+    memset(&seed, 0, sizeof seed);
+    for (i = 0; i < q->count && status == VOCC_OK; i++) {
+        if (q->region[i] != NEW_REGION)
+            continue;
+        status = find_region(q, i, &seed);
+        if (status == VOCC_OK && q->region[i] == NEW_REGION) {
+            vocc_mutex_lock(scene->built.regions_mutex);
+            q->region[i] =
+                vocc_regions_add(&scene->allocator, scene->built.regions,
+                                 seed.set, seed.set_count);
+            vocc_mutex_unlock(scene->built.regions_mutex);
+            if (q->region[i] < 0)
+                status = VOCC_ERROR_OUT_OF_MEMORY;
+        }
+    }
+    vocc_seed_free(&scene->allocator, &seed);
+    return status;
+}
+
+vocc_status vocc_region(const vocc_scene *scene, size_t count,
+                        vocc_array points, int32_t *region,
+                        const vocc_query_options *options, vocc_error *error)
+{
+    point_query q;
+    const size_t jobs = count / JOB_POINTS + (count % JOB_POINTS != 0);
+    vocc_status status = vocc_check_floats(points, count, "points", error);
+    if (status != VOCC_OK)
+        return status;
+    if (!region && count)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "region", -1,
+                         (double)NAN, "region: NULL");
+    status = vocc_query_begin(&q.query, scene, options, jobs, error);
+    if (status != VOCC_OK)
+        return status;
+    q.count = count;
+    q.points = points;
+    q.region = region;
+    status = vocc_query_run(&q.query, jobs, locate_points, &q);
+    if (status == VOCC_OK)
+        status = add_regions(&q);
+    return vocc_query_end(&q.query, status, error);
+}

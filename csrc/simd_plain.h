@@ -1,0 +1,117 @@
+/* VOCC_LANES floats in plain C: the reference of the SIMD kernels.  The same
+ * operations with the same roundings, so the same bits.
+ *
+ * vmin and vmax give their second operand if either is NaN, as minps and maxps
+ * do; comparisons with NaN are false.  Comparisons give one bit a lane. */
+#ifndef VOCC_LANES
+#error "define VOCC_LANES first"
+#endif
+
+typedef struct vfloat {
+    float f[VOCC_LANES];
+} vfloat;
+
+#define VOCC_LANE_LOOP for (lane = 0; lane < VOCC_LANES; lane++)
+
+#define VOCC_LANE_BINARY(name, expression)                                     \
+    VOCC_INLINE vfloat name(vfloat a, vfloat b)                                \
+    {                                                                          \
+        vfloat r;                                                              \
+        int lane;                                                              \
+        VOCC_LANE_LOOP                                                         \
+        {                                                                      \
+            const float x = a.f[lane], y = b.f[lane];                          \
+            r.f[lane] = (expression);                                          \
+        }                                                                      \
+        return r;                                                              \
+    }
+
+#define VOCC_LANE_COMPARE(name, expression)                                    \
+    VOCC_INLINE unsigned name(vfloat a, vfloat b)                              \
+    {                                                                          \
+        unsigned bits = 0;                                                     \
+        int lane;                                                              \
+        VOCC_LANE_LOOP                                                         \
+        {                                                                      \
+            const float x = a.f[lane], y = b.f[lane];                          \
+            bits |= (unsigned)(expression) << lane;                            \
+        }                                                                      \
+        return bits;                                                           \
+    }
+
+VOCC_LANE_BINARY(vadd, x + y)
+VOCC_LANE_BINARY(vsub, x - y)
+VOCC_LANE_BINARY(vmul, x *y)
+VOCC_LANE_BINARY(vdiv, x / y)
+VOCC_LANE_BINARY(vmin, x < y ? x : y)
+VOCC_LANE_BINARY(vmax, x > y ? x : y)
+VOCC_LANE_COMPARE(vle, x <= y)
+VOCC_LANE_COMPARE(vlt, x < y)
+VOCC_LANE_COMPARE(veq, x == y)
+
+VOCC_INLINE vfloat vload(const float *p)
+{
+    vfloat r;
+    int lane;
+    VOCC_LANE_LOOP r.f[lane] = p[lane];
+    return r;
+}
+
+VOCC_INLINE void vstore(float *p, vfloat a)
+{
+    int lane;
+    VOCC_LANE_LOOP p[lane] = a.f[lane];
+}
+
+VOCC_INLINE vfloat vset(float x)
+{
+    vfloat r;
+    int lane;
+    VOCC_LANE_LOOP r.f[lane] = x;
+    return r;
+}
+
+VOCC_INLINE vfloat vabs(vfloat a)
+{
+    int lane;
+    VOCC_LANE_LOOP a.f[lane] = vocc_absf(a.f[lane]);
+    return a;
+}
+
+VOCC_INLINE vfloat vneg(vfloat a)
+{
+    int lane;
+    VOCC_LANE_LOOP a.f[lane] = -a.f[lane];
+    return a;
+}
+
+/* One bit a lane: the sign bit. */
+VOCC_INLINE unsigned vsigns(vfloat a)
+{
+    unsigned bits = 0;
+    int lane;
+    VOCC_LANE_LOOP
+    {
+        uint32_t u;
+        memcpy(&u, &a.f[lane], sizeof u);
+        bits |= (unsigned)(u >> 31) << lane;
+    }
+    return bits;
+}
+
+/* a with its sign flipped where b is negative (sign bit). */
+VOCC_INLINE vfloat vflip(vfloat a, vfloat b)
+{
+    int lane;
+    VOCC_LANE_LOOP
+    {
+        uint32_t u;
+        memcpy(&u, &b.f[lane], sizeof u);
+        a.f[lane] = u >> 31 ? -a.f[lane] : a.f[lane];
+    }
+    return a;
+}
+
+#undef VOCC_LANE_LOOP
+#undef VOCC_LANE_BINARY
+#undef VOCC_LANE_COMPARE

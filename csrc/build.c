@@ -378,13 +378,15 @@ static vocc_status sort_triangles(const builder *top, size_t count,
     uint32_t *number =
         vocc_allocate(top->allocator, count, sizeof *number);
     size_t i, next = 0;
+    /* One float more: SIMD loads the last corner as four. */
     tree->corners =
-        vocc_allocate(top->allocator, count, 9 * sizeof *tree->corners);
+        vocc_allocate(top->allocator, 9 * count + 1, sizeof *tree->corners);
     tree->ids = vocc_allocate(top->allocator, count, sizeof *tree->ids);
     if (!number || !tree->corners || !tree->ids) {
         vocc_release(top->allocator, number);
         return VOCC_ERROR_OUT_OF_MEMORY;
     }
+    tree->corners[9 * count] = 0.0f;
     for (i = 0; i < count; i++)
         number[i] = none;
     for (i = 0; i < tree->reference_count; i++) {

@@ -51,7 +51,7 @@ typedef struct vocc_tree {
     size_t node_count; /* with the unused node 1 */
     uint32_t *references; /* triangles of the leaves */
     size_t reference_count;
-    float *corners; /* 9 a triangle, in the order of first reference */
+    float *corners; /* 9 a triangle, in the order of first reference, and 1 */
     uint32_t *ids;  /* triangle of the scene, for each of the tree's */
     size_t triangle_count;
     vocc_opaque *opaque; /* leaf -> bounds table of the volumetric occluders */

@@ -128,7 +128,6 @@ void vocc_build_options_init(vocc_build_options *options)
     options->intersection_cost = 0.5f;
     options->empty_bonus = 0.5f;
     options->max_leaf_size = 64;
-    options->bad_refines = 2;
 }
 
 static vocc_status check_range(vocc_error *error, const char *argument,

@@ -112,6 +112,23 @@ VOCC_INLINE vfloat vflip(vfloat a, vfloat b)
     return a;
 }
 
+/* For one origin in all lanes: B x C, C x A, A x B, where A, B, C are the
+ * corners c[0..2], c[3..5], c[6..8] less org.  May read c[9]. */
+VOCC_INLINE void vcrosses(const float *c, const float org[4], vfloat n[9])
+{
+    float m[3][3];
+    int i, k;
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++)
+            m[i][k] = c[3 * i + k] - org[k];
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++) {
+            const float *a = m[(i + 1) % 3], *b = m[(i + 2) % 3];
+            const int y = (k + 1) % 3, z = (k + 2) % 3;
+            n[3 * i + k] = vset(a[y] * b[z] - a[z] * b[y]);
+        }
+}
+
 #undef VOCC_LANE_LOOP
 #undef VOCC_LANE_BINARY
 #undef VOCC_LANE_COMPARE

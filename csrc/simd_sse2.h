@@ -60,5 +60,38 @@ VOCC_INLINE vfloat vflip(vfloat a, vfloat b)
     return _mm_xor_ps(a, _mm_and_ps(_mm_set1_ps(-0.0f), b));
 }
 
+/* The lanes of a in the order i, j, k, l. */
+#define VOCC_SHUFFLE(a, i, j, k, l)                                            \
+    _mm_shuffle_ps((a), (a), _MM_SHUFFLE(l, k, j, i))
+
+VOCC_INLINE __m128 vocc_cross_xyz(__m128 a, __m128 b)
+{
+    const __m128 a1 = VOCC_SHUFFLE(a, 1, 2, 0, 3),
+                 a2 = VOCC_SHUFFLE(a, 2, 0, 1, 3),
+                 b1 = VOCC_SHUFFLE(b, 1, 2, 0, 3),
+                 b2 = VOCC_SHUFFLE(b, 2, 0, 1, 3);
+    return _mm_sub_ps(_mm_mul_ps(a1, b2), _mm_mul_ps(a2, b1));
+}
+
+VOCC_INLINE void vcrosses(const float *c, const float org[4], vfloat n[9])
+{
+    const __m128 o = _mm_load_ps(org);
+    const __m128 a = _mm_sub_ps(_mm_loadu_ps(c), o),
+                 b = _mm_sub_ps(_mm_loadu_ps(c + 3), o),
+                 d = _mm_sub_ps(_mm_loadu_ps(c + 6), o);
+    const __m128 u = vocc_cross_xyz(b, d), v = vocc_cross_xyz(d, a),
+                 w = vocc_cross_xyz(a, b);
+    n[0] = VOCC_SHUFFLE(u, 0, 0, 0, 0);
+    n[1] = VOCC_SHUFFLE(u, 1, 1, 1, 1);
+    n[2] = VOCC_SHUFFLE(u, 2, 2, 2, 2);
+    n[3] = VOCC_SHUFFLE(v, 0, 0, 0, 0);
+    n[4] = VOCC_SHUFFLE(v, 1, 1, 1, 1);
+    n[5] = VOCC_SHUFFLE(v, 2, 2, 2, 2);
+    n[6] = VOCC_SHUFFLE(w, 0, 0, 0, 0);
+    n[7] = VOCC_SHUFFLE(w, 1, 1, 1, 1);
+    n[8] = VOCC_SHUFFLE(w, 2, 2, 2, 2);
+}
+
+#undef VOCC_SHUFFLE
 #undef VOCC_LANE_BINARY
 #undef VOCC_LANE_COMPARE

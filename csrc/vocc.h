@@ -182,7 +182,7 @@ typedef struct vocc_build_options {
                                 not; 1 to 2^20, default 64 */
     int32_t max_depth;       /* 0: 8 + 1.6 log2(triangles); at most 60 */
     int32_t bad_refines;     /* splits in a row that the SAH finds too dear but
-                                are tried; 0 to 16, default 2 */
+                                are tried; 0 to 16, default 0 */
     int32_t strict;          /* 1: a mesh that is not closed is an error
                                 (meshes with occluder = 0 are exempt) */
     vocc_progress_fn progress; /* NULL: none */

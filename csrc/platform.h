@@ -31,6 +31,7 @@
 #define VOCC_LIKELY(x) __builtin_expect(!!(x), 1)
 #define VOCC_UNLIKELY(x) __builtin_expect(!!(x), 0)
 #define VOCC_PRINTF(f, a) __attribute__((format(printf, f, a)))
+#define VOCC_PREFETCH(p) __builtin_prefetch(p)
 #elif defined(_MSC_VER)
 #define VOCC_INTERNAL
 #define VOCC_INLINE static __forceinline
@@ -39,6 +40,7 @@
 #define VOCC_LIKELY(x) (x)
 #define VOCC_UNLIKELY(x) (x)
 #define VOCC_PRINTF(f, a)
+#define VOCC_PREFETCH(p) ((void)(p))
 #else
 #define VOCC_INTERNAL
 #define VOCC_INLINE static inline
@@ -47,6 +49,7 @@
 #define VOCC_LIKELY(x) (x)
 #define VOCC_UNLIKELY(x) (x)
 #define VOCC_PRINTF(f, a)
+#define VOCC_PREFETCH(p) ((void)(p))
 #endif
 
 #endif

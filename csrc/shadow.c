@@ -22,6 +22,7 @@ typedef struct shadow {
     const vocc_light *lights;
     size_t light_count;
     vocc_strata strata;
+    vocc_stratum *order; /* in which the samples are traced */
     uint16_t *visible;
 } shadow;
 
@@ -107,7 +108,6 @@ static vocc_status light_tile(shadow *s, const vocc_worker *w, int worker,
     w->tracer->cache.count = 0;
     block->count = 0;
     for (i = 0; i < t->count; i++) {
-        uint32_t column = 0, row = 0;
         visible[i] = VOCC_NOT_TRACED;
         if (!faces(t, i, light))
             continue;
@@ -115,12 +115,8 @@ static vocc_status light_tile(shadow *s, const vocc_worker *w, int worker,
         for (sample = 0; sample < s->strata.samples; sample++) {
             const size_t r = block->count++;
             float a, c, p[3];
-            vocc_sample(&s->strata, t->id[i], (uint32_t)l, sample, column, row,
+            vocc_sample(&s->strata, t->id[i], (uint32_t)l, &s->order[sample],
                         &a, &c);
-            if (++column == s->strata.nu) {
-                column = 0;
-                row++;
-            }
             vocc_light_point(light, a, c, p);
             for (k = 0; k < 3; k++) {
                 block->org[k][r] = t->point[i][k];
@@ -218,20 +214,25 @@ vocc_status vocc_light_visibility(
         return status;
     s.strata = vocc_make_strata((uint32_t)samples);
     moved = vocc_allocate(&scene->allocator, light_count, sizeof *moved);
-    if (!moved)
-        return vocc_query_end(&s.query, VOCC_ERROR_OUT_OF_MEMORY, error);
-    for (l = 0; l < light_count; l++)
-        if (!vocc_light_init(&moved[l], &lights[l], scene->built.origin)) {
-            vocc_release(&scene->allocator, moved);
-            (void)vocc_query_end(&s.query, VOCC_ERROR_INVALID_ARGUMENT, NULL);
-            return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights",
-                             (int64_t)l, (double)NAN,
-                             "lights[%zu]: not all values are finite float32 "
-                             "numbers",
-                             l);
-        }
-    s.lights = moved;
-    status = vocc_query_run(&s.query, jobs, shade_tile, &s);
+    s.order = vocc_allocate(&scene->allocator, (size_t)samples,
+                            sizeof *s.order);
+    if (!moved || !s.order)
+        status = VOCC_ERROR_OUT_OF_MEMORY;
+    for (l = 0; status == VOCC_OK && l < light_count; l++)
+        if (!vocc_light_init(&moved[l], &lights[l], scene->built.origin))
+            status = VOCC_ERROR_INVALID_ARGUMENT;
+    if (status == VOCC_OK) {
+        vocc_order_samples(&s.strata, s.order);
+        s.lights = moved;
+        status = vocc_query_run(&s.query, jobs, shade_tile, &s);
+    }
     vocc_release(&scene->allocator, moved);
-    return vocc_query_end(&s.query, status, error);
+    vocc_release(&scene->allocator, s.order);
+    status = vocc_query_end(&s.query, status, error);
+    if (status == VOCC_ERROR_INVALID_ARGUMENT)
+        return vocc_fail(error, status, "lights", (int64_t)l - 1, (double)NAN,
+                         "lights[%zu]: not all values are finite float32 "
+                         "numbers",
+                         l - 1);
+    return status;
 }

@@ -217,7 +217,7 @@ int vocc_exact_edge(const float org[3], const float dir[3], const float p[3],
 }
 
 int vocc_exact_interval(const float org[3], const float dir[3],
-                        const float corners[9], float t)
+                        const float corners[9], double t)
 {
     point p[3];
     double num[NUM], det[DET], scaled[2 * DET], h[INTERVAL];
@@ -225,7 +225,7 @@ int vocc_exact_interval(const float org[3], const float dir[3],
     make_points(org, corners, p);
     m = numerator(p, num);
     n = determinant(dir, p, det);
-    n = expansion_scale(det, n, -(double)t, scaled);
+    n = expansion_scale(det, n, -t, scaled);
     return sign_of(h, expansion_sum(num, m, scaled, n, h));
 }
 

@@ -19,7 +19,7 @@ VOCC_INTERNAL int vocc_exact_edge(const float org[3], const float dir[3],
  * A x B) and A, B, C are the corners less org: the crossing of the plane lies
  * at num / det.  t is finite. */
 VOCC_INTERNAL int vocc_exact_interval(const float org[3], const float dir[3],
-                                      const float corners[9], float t);
+                                      const float corners[9], double t);
 
 /* num, det and the edge functions of corners 1 and 2 (dir . (C x A), dir .
  * (A x B)), each within 2^-50 of the exact value, relatively. */

@@ -3,16 +3,23 @@
 #include "vec3.h"
 #include "walk.h"
 
+static int round_to(double source, double origin, float *out, double *bad)
+{
+    *out = (float)(source - origin);
+    if (vocc_finitef(*out))
+        return 1;
+    *bad = source;
+    return 0;
+}
+
 int vocc_light_init(vocc_light *light, const vocc_rect_light *source,
-                    const double origin[3])
+                    const double origin[3], double *bad)
 {
     int k;
     for (k = 0; k < 3; k++) {
-        light->corner[k] = (float)(source->corner[k] - origin[k]);
-        light->edge_u[k] = (float)source->edge_u[k];
-        light->edge_v[k] = (float)source->edge_v[k];
-        if (!vocc_finitef(light->corner[k]) ||
-            !vocc_finitef(light->edge_u[k]) || !vocc_finitef(light->edge_v[k]))
+        if (!round_to(source->corner[k], origin[k], &light->corner[k], bad) ||
+            !round_to(source->edge_u[k], 0.0, &light->edge_u[k], bad) ||
+            !round_to(source->edge_v[k], 0.0, &light->edge_v[k], bad))
             return 0;
         light->centre[k] = (double)light->corner[k] +
                            (double)light->edge_u[k] / 2.0 +

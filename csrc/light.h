@@ -13,11 +13,11 @@ typedef struct vocc_light {
     double centre[3];
 } vocc_light;
 
-/* Moves the light by the scene's origin and rounds it.  Returns 0 if a value
- * is not a finite float32 then. */
+/* Moves the light by the scene's origin and rounds it.  Returns 0, and the
+ * value given in *bad, if one is not a finite float32 then. */
 VOCC_INTERNAL int vocc_light_init(vocc_light *light,
                                   const vocc_rect_light *source,
-                                  const double origin[3]);
+                                  const double origin[3], double *bad);
 
 /* Point (a, b): fl(fl(corner + fl(a * u)) + fl(b * v)). */
 VOCC_INLINE void vocc_light_point(const vocc_light *light, float a, float b,

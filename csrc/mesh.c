@@ -150,6 +150,7 @@ vocc_status vocc_mesh_init(const vocc_allocator *allocator, vocc_mesh *mesh,
         return vocc_fail(error, VOCC_ERROR_LIMIT, "triangle_count", -1,
                          (double)triangle_count,
                          "triangle_count is %zu: at most 2^27", triangle_count);
+    mesh->is_float64 = vertices.type == VOCC_FLOAT64;
     mesh->vertex_count = vertex_count;
     mesh->triangle_count = triangle_count;
     status = copy_vertices(allocator, mesh, vertices, error);

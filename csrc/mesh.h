@@ -13,6 +13,7 @@
 typedef struct vocc_mesh {
     char name[64];
     int occluder;
+    int is_float64; /* as given */
     size_t vertex_count, triangle_count;
     float *vertices;     /* 3 a vertex; NULL if wide is used */
     double *wide;        /* float64 vertices that are no float32 numbers */

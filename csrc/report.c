@@ -193,16 +193,26 @@ vocc_status vocc_scene_references(const vocc_scene *scene, uint64_t first,
 {
     const vocc_tree *tree;
     size_t i;
-    vocc_status status = check(scene, ids, "ids", error);
+    vocc_status status = check(scene, scene, "scene", error);
     if (status != VOCC_OK)
         return status;
     tree = &scene->built.tree;
-    if (first > tree->reference_count || count > tree->reference_count - first)
+    if (first > tree->reference_count)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "first", -1,
                          (double)first,
-                         "first is %" PRIu64 " and count %zu: there are %zu "
-                         "references",
-                         first, count, tree->reference_count);
+                         "first is %" PRIu64 ": there are %zu references",
+                         first, tree->reference_count);
+    if (count > tree->reference_count - first)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "count", -1,
+                         (double)count,
+                         "count is %zu: there are %zu references from %" PRIu64
+                         " on",
+                         count, tree->reference_count - (size_t)first, first);
+    if (count) {
+        status = check(scene, ids, "ids", error);
+        if (status != VOCC_OK)
+            return status;
+    }
     for (i = 0; i < count; i++)
         vocc_scene_triangle(scene, tree->ids[tree->references[first + i]],
                             &ids[2 * i], &ids[2 * i + 1]);

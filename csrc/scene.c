@@ -81,6 +81,7 @@ vocc_status vocc_scene_add_mesh(vocc_scene *scene, size_t vertex_count,
                                 const vocc_mesh_options *options,
                                 int32_t *geom_id, vocc_error *error)
 {
+    vocc_mesh mesh;
     void *meshes;
     vocc_status status;
     if (!scene)
@@ -99,17 +100,19 @@ vocc_status vocc_scene_add_mesh(vocc_scene *scene, size_t vertex_count,
                          "vertex_count is %zu: the scene may have 2^31 - 1 "
                          "vertices and has %zu already",
                          vertex_count, scene->vertex_count);
+    status = vocc_mesh_init(&scene->allocator, &mesh, vertex_count, vertices,
+                            triangle_count, triangles, options, error);
+    if (status != VOCC_OK)
+        return status;
     meshes = scene->meshes;
     if (!vocc_grow(&scene->allocator, &meshes, &scene->mesh_capacity,
                    scene->mesh_count, scene->mesh_count + 1,
-                   sizeof *scene->meshes))
+                   sizeof *scene->meshes)) {
+        vocc_mesh_free(&scene->allocator, &mesh);
         return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+    }
     scene->meshes = meshes;
-    status = vocc_mesh_init(
-        &scene->allocator, &scene->meshes[scene->mesh_count], vertex_count,
-        vertices, triangle_count, triangles, options, error);
-    if (status != VOCC_OK)
-        return status;
+    scene->meshes[scene->mesh_count] = mesh;
     scene->vertex_count += vertex_count;
     scene->triangle_count += triangle_count;
     if (geom_id)
@@ -153,10 +156,11 @@ static vocc_status check_build_options(const vocc_build_options *o,
     s = check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
     if (s == VOCC_OK)
         s = check_range(error, "traversal_cost", (double)o->traversal_cost,
-                        1e-6, 1e6);
+                        (double)1e-6f, 1e6);
     if (s == VOCC_OK)
         s = check_range(error, "intersection_cost",
-                        (double)o->intersection_cost, 1e-6, 1e6);
+                        (double)o->intersection_cost, (double)1e-6f,
+                        1e6);
     if (s == VOCC_OK)
         s = check_range(error, "empty_bonus", (double)o->empty_bonus, 0, 1);
     if (s == VOCC_OK)
@@ -169,12 +173,14 @@ static vocc_status check_build_options(const vocc_build_options *o,
 }
 
 /* The centre of all vertices, on a grid of 1/1024 of their extent, so that
- * round coordinates stay round; 0 if every vertex is a float32 already. */
+ * round coordinates stay round; 0 unless float64 vertices are given that need
+ * it: they are no float32 numbers, or so far off that points between them would
+ * be none. */
 static void find_origin(const vocc_scene *scene, double origin[3])
 {
-    double lower[3], upper[3], extent = 0.0, grid;
+    double lower[3], upper[3], extent = 0.0, distance = 0.0, grid;
     size_t m, i;
-    int k, wide = 0, exponent;
+    int k, wide = 0, given_wide = 0, exponent;
     for (k = 0; k < 3; k++) {
         origin[k] = 0.0;
         lower[k] = (double)FLT_MAX;
@@ -183,6 +189,7 @@ static void find_origin(const vocc_scene *scene, double origin[3])
     for (m = 0; m < scene->mesh_count; m++) {
         const vocc_mesh *mesh = &scene->meshes[m];
         wide |= mesh->wide != NULL;
+        given_wide |= mesh->is_float64 && mesh->vertex_count;
         for (i = 0; i < 3 * mesh->vertex_count; i++) {
             const double x =
                 mesh->wide ? mesh->wide[i] : (double)mesh->vertices[i];
@@ -190,12 +197,17 @@ static void find_origin(const vocc_scene *scene, double origin[3])
             upper[i % 3] = x > upper[i % 3] ? x : upper[i % 3];
         }
     }
-    if (!wide)
+    if (!given_wide)
         return;
-    for (k = 0; k < 3; k++)
+    for (k = 0; k < 3; k++) {
+        const double centre = vocc_abs(0.5 * lower[k] + 0.5 * upper[k]);
         extent = upper[k] - lower[k] > extent ? upper[k] - lower[k] : extent;
+        distance = centre > distance ? centre : distance;
+    }
     /* Half of more than this might not be finite in float32 any more. */
     if (extent > 0.25 * (double)FLT_MAX || extent == 0.0)
+        return;
+    if (!wide && distance <= 2.0 * extent)
         return;
     (void)frexp(extent, &exponent);
     grid = ldexp(1.0, exponent - 10);
@@ -361,7 +373,7 @@ static double area_of_solids(const vocc_built *built)
 /* Which order AUTO stands for: docs/method.md, "auto". */
 static int32_t choose_order(const vocc_report *r)
 {
-    return r->mesh_area > 0.0 && r->occluder_area >= 5.0 * r->mesh_area
+    return r->mesh_area > 0.0 && r->occluder_area >= 9.0 * r->mesh_area
                ? VOCC_ORDER_QDBFS
                : VOCC_ORDER_STANDARD;
 }

@@ -198,6 +198,7 @@ vocc_status vocc_light_visibility(
     const size_t jobs = count / JOB_POINTS + (count % JOB_POINTS != 0);
     shadow s;
     vocc_light *moved;
+    double bad = 0.0;
     vocc_status status;
     size_t l;
     s.count = count;
@@ -219,7 +220,7 @@ vocc_status vocc_light_visibility(
     if (!moved || !s.order)
         status = VOCC_ERROR_OUT_OF_MEMORY;
     for (l = 0; status == VOCC_OK && l < light_count; l++)
-        if (!vocc_light_init(&moved[l], &lights[l], scene->built.origin))
+        if (!vocc_light_init(&moved[l], &lights[l], scene->built.origin, &bad))
             status = VOCC_ERROR_INVALID_ARGUMENT;
     if (status == VOCC_OK) {
         vocc_order_samples(&s.strata, s.order);
@@ -230,9 +231,8 @@ vocc_status vocc_light_visibility(
     vocc_release(&scene->allocator, s.order);
     status = vocc_query_end(&s.query, status, error);
     if (status == VOCC_ERROR_INVALID_ARGUMENT)
-        return vocc_fail(error, status, "lights", (int64_t)l - 1, (double)NAN,
-                         "lights[%zu]: not all values are finite float32 "
-                         "numbers",
-                         l - 1);
+        return vocc_fail(error, status, "lights", (int64_t)l - 1, bad,
+                         "lights[%zu]: %g is not a finite float32 number",
+                         l - 1, bad);
     return status;
 }

@@ -21,16 +21,25 @@ typedef struct shape {
     double lower[3], upper[3];
     double face[3], rim[3]; /* half area = face + rim * extent along the axis */
     double scale;           /* intersection cost / half area */
+    float first[3], last[3]; /* where planes may be */
 } shape;
 
 static int shape_of(const vocc_bounds *box, const vocc_sah *sah, shape *s)
 {
     double extent[3], half;
+    float thin;
     int k;
     for (k = 0; k < 3; k++) {
         s->lower[k] = (double)box->lower[k];
         s->upper[k] = (double)box->upper[k];
         extent[k] = s->upper[k] - s->lower[k];
+        /* Not so near to the box's faces that no float32 lies between: such a
+         * leaf would have no place for a seed ray. */
+        thin = vocc_absf(box->lower[k]) > vocc_absf(box->upper[k])
+                   ? vocc_absf(box->lower[k])
+                   : vocc_absf(box->upper[k]);
+        s->first[k] = box->lower[k] + 4.0f * FLT_EPSILON * thin;
+        s->last[k] = box->upper[k] - 4.0f * FLT_EPSILON * thin;
     }
     for (k = 0; k < 3; k++) {
         s->face[k] = extent[(k + 1) % 3] * extent[(k + 2) % 3];
@@ -59,7 +68,8 @@ static void consider(vocc_split *best, const vocc_sah *sah, const shape *s,
 {
     double cost;
     int planar_below = 1;
-    if (pos != 0.0f && pos < VOCC_TINY && pos > -VOCC_TINY)
+    if (!(pos > s->first[axis] && pos < s->last[axis]) ||
+        (pos != 0.0f && pos < VOCC_TINY && pos > -VOCC_TINY))
         return;
     cost = cost_of(sah, s, axis, (double)pos, below + planar, above);
     if (planar) {
@@ -89,8 +99,7 @@ static int count_bits(uint32_t x)
 /* Every bound inside the box is tried; the sides are counted anew for each,
  * four references at a time, which for so few is faster than sorting. */
 static void exact_split(const vocc_reference *references, int count,
-                        const vocc_bounds *box, const vocc_sah *sah,
-                        const shape *s, vocc_split *best)
+                        const vocc_sah *sah, const shape *s, vocc_split *best)
 {
     int axis, i, j;
     for (axis = 0; axis < 3; axis++) {
@@ -107,7 +116,7 @@ static void exact_split(const vocc_reference *references, int count,
             const float pos = j < count ? lower[j] : upper[j - count];
             const vfloat p = vset(pos);
             uint32_t below = 0, above = 0;
-            if (!(pos > box->lower[axis] && pos < box->upper[axis]))
+            if (!(pos > s->first[axis] && pos < s->last[axis]))
                 continue;
             for (i = 0; i < count; i += VOCC_LANES) {
                 below |= vlt(vload(lower + i), p) << i;
@@ -152,19 +161,15 @@ static void binned_split(const vocc_reference *references, size_t count,
     }
     for (axis = 0; axis < 3; axis++) {
         size_t below = 0, gone = 0;
-        if (lowest[axis] > box->lower[axis] && lowest[axis] < box->upper[axis])
-            consider(best, sah, s, axis, lowest[axis], 0, count, 0);
-        if (highest[axis] > box->lower[axis] &&
-            highest[axis] < box->upper[axis])
-            consider(best, sah, s, axis, highest[axis], count, 0, 0);
+        consider(best, sah, s, axis, lowest[axis], 0, count, 0);
+        consider(best, sah, s, axis, highest[axis], count, 0, 0);
         for (b = 1; b < BINS; b++) {
             const float pos =
                 (float)(s->lower[axis] + (s->upper[axis] - s->lower[axis]) *
                                              (double)b / (double)BINS);
             below += first[axis][b - 1];
             gone += last[axis][b - 1];
-            if (pos > box->lower[axis] && pos < box->upper[axis])
-                consider(best, sah, s, axis, pos, below, count - gone, 0);
+            consider(best, sah, s, axis, pos, below, count - gone, 0);
         }
     }
 }
@@ -181,7 +186,7 @@ vocc_split vocc_find_split(const vocc_reference *references, size_t count,
     if (count == 0 || !shape_of(box, sah, &s))
         return best;
     if (count <= EXACT)
-        exact_split(references, (int)count, box, sah, &s, &best);
+        exact_split(references, (int)count, sah, &s, &best);
     else
         binned_split(references, count, box, sah, &s, &best);
     return best;

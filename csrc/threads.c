@@ -179,6 +179,7 @@ void vocc_ticker_init(vocc_ticker *ticker, vocc_progress_fn call, void *user)
     ticker->to = 1.0;
     ticker->last = 0.0;
     ticker->time = 0.0;
+    ticker->stopped = 0;
 }
 
 void vocc_ticker_stage(vocc_ticker *ticker, double from, double to)
@@ -190,8 +191,8 @@ void vocc_ticker_stage(vocc_ticker *ticker, double from, double to)
 int vocc_tick(vocc_ticker *ticker, double fraction)
 {
     double now, told = ticker->from + (ticker->to - ticker->from) * fraction;
-    if (!ticker->call)
-        return 0;
+    if (!ticker->call || ticker->stopped)
+        return ticker->stopped;
     if (told > 1.0)
         told = 1.0;
     now = vocc_seconds();
@@ -201,7 +202,8 @@ int vocc_tick(vocc_ticker *ticker, double fraction)
     ticker->time = now;
     if (told > ticker->last)
         ticker->last = told;
-    return ticker->call(ticker->user, ticker->last) != 0;
+    ticker->stopped = ticker->call(ticker->user, ticker->last) != 0;
+    return ticker->stopped;
 }
 
 /* ---- jobs --------------------------------------------------------------- */

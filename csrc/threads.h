@@ -33,6 +33,7 @@ typedef struct vocc_ticker {
     double from, to; /* the part of [0, 1] that this stage covers */
     double last;     /* fraction told last: it never falls */
     double time;     /* of the last call */
+    int stopped;     /* the user has asked to stop: not called again */
 } vocc_ticker;
 
 VOCC_INTERNAL void vocc_ticker_init(vocc_ticker *ticker, vocc_progress_fn call,

@@ -35,7 +35,33 @@ static int compare_t(double num, double num_bound, double det, double det_bound,
         num_bound + at * det_bound +
         2.0 * DBL_EPSILON * (vocc_abs(num) + vocc_abs(product));
     const int sign = certain_sign(value, bound);
-    return sign ? sign : vocc_exact_interval(org, dir, corners, t);
+    return sign ? sign : vocc_exact_interval(org, dir, corners,
+                                             (double)t);
+}
+
+/* num / det, known within `relative`, moved so that it rounds to the float32
+ * that the exact quotient rounds to: equal crossings must compare equal, and
+ * which of two is nearer must not depend on rounding. */
+static double rounding_t(const float org[3], const float dir[3],
+                         const float corners[9], int side, double num,
+                         double det, double relative)
+{
+    double t = num / det, v, w, middle;
+    float low = (float)(t - vocc_abs(t) * relative),
+          high = (float)(t + vocc_abs(t) * relative);
+    int sign;
+    if (low == high)
+        return t;
+    vocc_exact_values(org, dir, corners, &num, &det, &v, &w);
+    t = num / det;
+    low = (float)(t - vocc_abs(t) * 0x1p-48);
+    high = (float)(t + vocc_abs(t) * 0x1p-48);
+    if (low == high || !(vocc_abs(t) < (double)FLT_MAX))
+        return t;
+    /* Between neighbours, hence exact in double. */
+    middle = 0.5 * ((double)low + (double)high);
+    sign = vocc_exact_interval(org, dir, corners, middle) * side;
+    return sign < 0 ? (double)low : sign > 0 ? (double)high : middle;
 }
 
 int vocc_triangle_test(const float org[3], const float dir[3], float tmin,
@@ -92,10 +118,15 @@ int vocc_triangle_test(const float org[3], const float dir[3], float tmin,
 
     if (crossing) {
         const double accurate = 0x1p-30;
+        double relative = 0x1p-48;
         if (num_bound > accurate * vocc_abs(num) ||
             det_bound > accurate * vocc_abs(det))
             vocc_exact_values(org, dir, corners, &num, &det, &v, &w);
-        crossing->t = num / det;
+        else if (num != 0.0)
+            relative += 2.0 * (num_bound / vocc_abs(num) +
+                               det_bound / vocc_abs(det));
+        crossing->t =
+            rounding_t(org, dir, corners, side, num, det, relative);
         crossing->u = v / det;
         crossing->v = w / det;
         if (crossing->u < 0.0)

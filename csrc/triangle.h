@@ -12,7 +12,7 @@
 #include "platform.h"
 
 typedef struct vocc_crossing {
-    double t;     /* num / det, within 2^-28 relatively */
+    double t;     /* num / det: rounds to the float32 that the exact one does */
     double u, v;  /* weights of corners b and c, in [0, 1] */
     int det_sign; /* 1: the ray leaves through the back (along the normal) */
     int on_edge;  /* an edge function is 0: through an edge or a corner */

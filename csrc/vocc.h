@@ -37,7 +37,7 @@
  * Coordinates are in the caller's unit of length.  All finite values are
  * accepted.  float64 coordinates are moved by a common origin (the centre of
  * the scene's bounds) before they are rounded to float32, unless all of them
- * are float32 numbers already; see vocc_scene_origin.
+ * are float32 numbers and near to zero already; see vocc_scene_origin.
  */
 #ifndef VOCC_H
 #define VOCC_H
@@ -219,8 +219,8 @@ typedef struct vocc_report {
     double lower[3], upper[3]; /* bounds of all triangles */
     uint64_t node_count;       /* interior nodes and leaves */
     uint64_t boundary_leaves, opaque_leaves, clear_leaves;
-    uint64_t unknown_leaves;   /* empty, but two seed rays disagreed: never
-                                  used; always 0 unless there is a fault */
+    uint64_t unknown_leaves;   /* empty, but too thin for a seed ray: never
+                                  used as occluders */
     uint64_t reference_count;  /* triangle references in leaves */
     uint64_t seed_rays;
     int32_t depth;

@@ -1,0 +1,146 @@
+# The targets and what they do: make help
+#
+#   config=release|debug|sanitize|thread|scalar   how C is compiled (lib, test-c)
+#   CC=, CFLAGS=, LDFLAGS=, PYTHON=               the compiler, more flags, the Python to use
+
+CC ?= cc
+config ?= release
+JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# The first Python that is new enough, else the one whose version the check complains about.
+PYTHON ?= $(or $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; \
+	done),python3)
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test bench lib test-c lint format env clean FORCE
+
+help:
+	@echo 'make demo     render the soft shadows of three scenes into out/, with and without occluders'
+	@echo 'make test     all tests: C (release, scalar, sanitize, thread), lint, Python'
+	@echo 'make bench    measure the speed (ARGS= for its arguments)'
+	@echo 'make lib      build/$$(config)/libvocc.a'
+	@echo 'make test-c   build and run the C tests (ONLY=name for some of them)'
+	@echo 'make lint     check the format of C and Python, and the types'
+	@echo 'make format   format C and Python'
+	@echo 'make env      .venv with the package and all that the other targets need'
+	@echo 'make clean    remove what was built, but not .venv'
+	@echo 'config=release|debug|sanitize|thread|scalar, CC=, CFLAGS=, LDFLAGS=, PYTHON='
+
+# ---- C -----------------------------------------------------------------------
+
+WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wstrict-prototypes \
+	-Wmissing-prototypes -Wdouble-promotion -Werror
+
+FLAGS_release := -O3
+FLAGS_debug := -O0 -g
+# -Og and -O1: at -O2 the checks in the inlined kernels take minutes to compile.
+FLAGS_sanitize := -Og -g1 -fno-omit-frame-pointer -fsanitize=address,undefined \
+	-fno-sanitize-recover=all
+FLAGS_thread := -O1 -g1 -fsanitize=thread
+FLAGS_scalar := -O3 -DVOCC_SIMD=0
+ifndef FLAGS_$(config)
+$(error config must be release, debug, sanitize, thread or scalar, not '$(config)')
+endif
+
+BUILD := build/$(config)
+# -ffp-contract=off: every operation rounds once, as the code says, on every machine.
+COMPILE := $(CC) -std=c99 $(FLAGS_$(config)) -ffp-contract=off -pthread $(WARNINGS) $(CFLAGS)
+LIB_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard csrc/*.c))
+TEST_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard tests/c/*.c))
+
+# The thread sanitizer needs its addresses where it expects them.
+RUN_thread := $(if $(filter thread,$(config)),$(shell setarch -R true 2>/dev/null && echo setarch -R))
+
+lib: $(BUILD)/libvocc.a
+
+test-c: $(BUILD)/vocc_tests
+	$(RUN_thread) $< $(foreach name,$(ONLY),--only $(name))
+
+$(BUILD)/libvocc.a: $(LIB_OBJECTS)
+	rm -f $@
+	$(AR) rcs $@ $^
+
+$(BUILD)/vocc_tests: $(TEST_OBJECTS) $(LIB_OBJECTS)
+	$(COMPILE) $(LDFLAGS) -o $@ $^ -lm -lpthread
+
+$(BUILD)/%.o: %.c $(BUILD)/flags
+	@mkdir -p $(@D)
+	$(COMPILE) -MMD -MP -c -o $@ $<
+
+# Changes when the command does, so that objects of other flags are not linked.
+$(BUILD)/flags: FORCE
+	@$(CC) --version >/dev/null 2>&1 || { \
+		echo "no C compiler '$(CC)': install gcc or clang (Debian: apt install build-essential), or set CC"; \
+		exit 1; }
+	@mkdir -p $(@D)
+	@echo '$(COMPILE)' | cmp -s - $@ || echo '$(COMPILE)' > $@
+
+-include $(wildcard $(BUILD)/csrc/*.d $(BUILD)/tests/c/*.d)
+
+# ---- Python ------------------------------------------------------------------
+
+BIN := .venv/bin
+C_SOURCES := $(wildcard csrc/*.c csrc/*.h csrc/*.inc csrc/cffi_build.py)
+
+env: .venv/installed
+
+# The packages at their pinned versions.
+.venv/ready: requirements-dev.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "needs Python 3.11 or newer; '$(PYTHON)' is not (set PYTHON)"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' || { \
+		echo "$(PYTHON) lacks venv (Debian: apt install python3-venv)"; exit 1; }
+	@$(PYTHON) -c 'import os, sys, sysconfig; \
+		sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' || { \
+		echo "$(PYTHON) lacks its headers (Debian: apt install python3-dev)"; exit 1; }
+	@$(CC) --version >/dev/null 2>&1 || { \
+		echo "no C compiler '$(CC)': install gcc or clang (Debian: apt install build-essential), or set CC"; \
+		exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip --disable-pip-version-check install --quiet -r requirements-dev.txt
+	@touch $@
+
+# The package itself, in place: Python files count at once, C is compiled again when it changes.
+.venv/installed: .venv/ready setup.py pyproject.toml $(C_SOURCES)
+	CC='$(CC)' $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-build-isolation \
+		--no-deps --editable .
+	@touch $@
+
+demo: .venv/installed
+	$(BIN)/python scenes/demo.py
+
+bench: .venv/installed
+	$(BIN)/python -m bench $(ARGS)
+
+# ---- checks ------------------------------------------------------------------
+
+C_FILES := $(wildcard csrc/*.c csrc/*.h csrc/*.inc tests/c/*.c tests/c/*.h bench/*.c bench/*.h)
+
+lint: .venv/ready
+	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: .venv/ready
+	$(BIN)/clang-format -i $(C_FILES)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+# One after the other, pytest last: its closing line is the last of the output.
+test: .venv/installed
+	@for config in release scalar sanitize thread; do \
+		echo "== C tests: $$config"; \
+		$(MAKE) --no-print-directory -s -j$(JOBS) config=$$config build/$$config/vocc_tests && \
+		$(MAKE) --no-print-directory -s config=$$config test-c || exit 1; \
+	done
+	@echo '== lint'
+	@$(MAKE) --no-print-directory -s lint
+	@echo '== Python tests'
+	@CC='$(CC)' $(BIN)/python -m pytest
+
+clean:
+	rm -rf build dist out *.egg-info pyvocc/_vocc*.so .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -f .venv/installed
+	find pyvocc tests bench scenes csrc -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""Measures the library on the soft-shadow workload, beside Embree where that is installed."""

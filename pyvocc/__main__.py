@@ -1,0 +1,8 @@
+"""``python -m pyvocc`` is the command ``pyvocc``."""
+
+import sys
+
+from .cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

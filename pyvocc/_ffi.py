@@ -1,0 +1,462 @@
+"""The C library, function by function: the only file that touches ffi and lib.
+
+Arguments come checked in type, shape and integer range; everything else is the library's to
+check, and its refusals are raised as exceptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arrays import AnyArray, Rows
+from ._values import Vector, is_true
+from ._vocc import ffi, lib
+from .errors import EXCEPTIONS, from_status
+from .lights import RectLight
+from .report import BuildSeconds, ComponentReport, MeshReport, Report, TreeReport
+from .stats import Stats
+
+Progress: TypeAlias = Callable[[float], object]
+
+# A vocc_scene *, freed when the last reference to it goes: a call that is under way holds one.
+Handle: TypeAlias = Any
+
+ORDERS: Mapping[str, int] = {
+    "auto": lib.VOCC_ORDER_AUTO,
+    "standard": lib.VOCC_ORDER_STANDARD,
+    "extended": lib.VOCC_ORDER_EXTENDED,
+    "bfs": lib.VOCC_ORDER_BFS,
+    "qdbfs": lib.VOCC_ORDER_QDBFS,
+}
+ISAS: Mapping[str, int] = {
+    "auto": lib.VOCC_ISA_AUTO,
+    "scalar": lib.VOCC_ISA_SCALAR,
+    "sse2": lib.VOCC_ISA_SSE2,
+}
+BOUNDARY: int = lib.VOCC_BOUNDARY
+CLEAR: int = lib.VOCC_CLEAR
+OPAQUE: int = lib.VOCC_OPAQUE
+UNKNOWN: int = lib.VOCC_UNKNOWN
+NOT_TRACED: int = lib.VOCC_NOT_TRACED
+
+LEAF = np.dtype(
+    [
+        ("lower", np.float32, 3),
+        ("upper", np.float32, 3),
+        ("label", np.int32),
+        ("region", np.int32),
+        ("first", np.uint32),
+        ("count", np.uint32),
+    ]
+)
+assert ffi.sizeof("vocc_leaf") == LEAF.itemsize
+
+_TYPES = {
+    np.dtype(np.float32): lib.VOCC_FLOAT32,
+    np.dtype(np.float64): lib.VOCC_FLOAT64,
+    np.dtype(np.int32): lib.VOCC_INT32,
+    np.dtype(np.uint32): lib.VOCC_UINT32,
+    np.dtype(np.int64): lib.VOCC_INT64,
+    np.dtype(np.uint64): lib.VOCC_UINT64,
+}
+_STATUS = {getattr(lib, f"VOCC_ERROR_{name}"): name for name in EXCEPTIONS}
+_COUNTERS = tuple(name for name, _ in ffi.typeof("vocc_counters").fields)
+
+
+@dataclass(frozen=True)
+class Query:
+    """The fields of vocc_query_options by their names there."""
+
+    order: int
+    occluders: int
+    deferment: int
+    cache: int
+    packets: int
+    isa: int
+    threads: int
+
+
+def version() -> str:
+    """ "major.minor.patch" of the library."""
+    return _text(lib.vocc_version())
+
+
+# ---- calls that may take long ------------------------------------------------
+
+
+class _Call:
+    """What a running call's progress callback needs, and what it raised."""
+
+    __slots__ = ("error", "progress")
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress = progress
+        self.error: BaseException | None = None
+
+
+def _keep_error(
+    kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+) -> None:
+    """Stores what left `pyvocc_progress`; KeyboardInterrupt may do so before its first line."""
+    if traceback is not None:
+        ffi.from_handle(traceback.tb_frame.f_locals["user"]).error = error
+
+
+# Installed even where there is no `progress`: running Python at all is what lets Ctrl-C through.
+@ffi.def_extern(name="pyvocc_progress", error=1, onerror=_keep_error)  # type: ignore[untyped-decorator]
+def _pyvocc_progress(user: Any, fraction: float) -> int:
+    call = ffi.from_handle(user)
+    return call.progress is not None and is_true(call.progress(fraction))
+
+
+def _run(
+    function: Callable[..., int], args: Sequence[Any], options: Any, progress: Progress | None
+) -> None:
+    """Calls function(*args, options, error), and raises what it or its callback has to say."""
+    call = _Call(progress)
+    user = ffi.new_handle(call)
+    options.progress = lib.pyvocc_progress
+    options.progress_user = user
+    error = ffi.new("vocc_error *")
+    status = function(*args, options, error)
+    raised, call.error = call.error, None
+    if raised is not None:
+        raise raised
+    _check(status, error)
+
+
+def _check(status: int, error: Any) -> None:
+    if status != lib.VOCC_OK:
+        raise from_status(
+            _STATUS[status],
+            _text(error.message) or _text(lib.vocc_status_string(status)),
+            _text(error.argument),
+            error.index,
+            error.value,
+        )
+
+
+def _text(characters: Any) -> str:
+    # A name that was cut may end inside a character.
+    return str(ffi.string(characters).decode("utf-8", "replace"))
+
+
+def _array(rows: Rows | None) -> tuple[Any, int, int]:
+    """A vocc_array; None is NULL."""
+    if rows is None:
+        return (ffi.NULL, 0, lib.VOCC_FLOAT32)
+    return (ffi.cast("void *", rows.address), rows.stride, _TYPES[rows.dtype])
+
+
+def _pointer(kind: str, array: AnyArray) -> Any:
+    return ffi.cast(f"{kind} *", array.__array_interface__["data"][0])
+
+
+# ---- scene -------------------------------------------------------------------
+
+
+def create() -> Handle:
+    """An empty scene."""
+    scene, error = ffi.new("vocc_scene **"), ffi.new("vocc_error *")
+    _check(lib.vocc_scene_create(ffi.NULL, scene, error), error)
+    return ffi.gc(scene[0], lib.vocc_scene_free)
+
+
+def add_mesh(
+    scene: Handle,
+    vertex_count: int,
+    vertices: Rows,
+    triangle_count: int,
+    triangles: Rows,
+    name: str,
+    occluder: int,
+) -> int:
+    """The mesh's geom_id."""
+    options = ffi.new("vocc_mesh_options *")
+    lib.vocc_mesh_options_init(options)
+    text = ffi.new("char[]", name.encode("utf-8"))
+    options.name = text
+    options.occluder = occluder
+    geom_id, error = ffi.new("int32_t *"), ffi.new("vocc_error *")
+    status = lib.vocc_scene_add_mesh(
+        scene,
+        vertex_count,
+        _array(vertices),
+        triangle_count,
+        _array(triangles),
+        options,
+        geom_id,
+        error,
+    )
+    _check(status, error)
+    return int(geom_id[0])
+
+
+def build(scene: Handle, values: Mapping[str, float], progress: Progress | None) -> None:
+    """`values`: fields of vocc_build_options that differ from its defaults."""
+    options = ffi.new("vocc_build_options *")
+    lib.vocc_build_options_init(options)
+    for name, value in values.items():
+        setattr(options, name, value)
+    _run(lib.vocc_scene_build, (scene,), options, progress)
+
+
+def origin(scene: Handle) -> Vector:
+    """What is subtracted from float64 coordinates."""
+    result = ffi.new("double[3]")
+    _check(lib.vocc_scene_origin(scene, result), ffi.new("vocc_error *"))
+    return _vector(result)
+
+
+def open_edges(scene: Handle, geom_id: int) -> NDArray[np.int32]:
+    """(E, 2): prim_id and edge."""
+    count, error = ffi.new("size_t *"), ffi.new("vocc_error *")
+    _check(lib.vocc_scene_open_edges(scene, geom_id, 0, ffi.NULL, count, error), error)
+    edges = np.empty((count[0], 2), np.int32)
+    status = lib.vocc_scene_open_edges(
+        scene, geom_id, len(edges), _pointer("int32_t", edges), count, error
+    )
+    _check(status, error)
+    return edges
+
+
+def region_info(scene: Handle, region: int) -> list[tuple[int, int]]:
+    """Component and winding of each solid that the region lies in."""
+    count, error = ffi.new("size_t *"), ffi.new("vocc_error *")
+    call = lib.vocc_scene_region_info
+    _check(call(scene, region, 0, ffi.NULL, ffi.NULL, count, error), error)
+    size = count[0]
+    components, windings = ffi.new("int32_t[]", size), ffi.new("int32_t[]", size)
+    _check(call(scene, region, size, components, windings, count, error), error)
+    return list(zip(components, windings, strict=True))
+
+
+def leaves(scene: Handle) -> NDArray[np.void]:
+    """One LEAF a leaf, in the tree's order."""
+    count, error = ffi.new("size_t *"), ffi.new("vocc_error *")
+    _check(lib.vocc_scene_leaves(scene, 0, ffi.NULL, count, error), error)
+    result = np.empty(count[0], LEAF)
+    status = lib.vocc_scene_leaves(scene, len(result), _pointer("vocc_leaf", result), count, error)
+    _check(status, error)
+    return result
+
+
+def references(scene: Handle, first: int, count: int) -> NDArray[np.int32]:
+    """(count, 2): geom_id and prim_id."""
+    ids, error = np.empty((count, 2), np.int32), ffi.new("vocc_error *")
+    _check(lib.vocc_scene_references(scene, first, count, _pointer("int32_t", ids), error), error)
+    return ids
+
+
+# ---- report ------------------------------------------------------------------
+
+
+def report(scene: Handle) -> Report:
+    """The built scene in figures."""
+    c = _report(lib.vocc_scene_report, "vocc_report", scene)
+    components = [_component_report(scene, index) for index in range(c.component_count)]
+    return Report(
+        meshes=tuple(_mesh_report(scene, index, components) for index in range(c.mesh_count)),
+        tree=TreeReport(
+            node_count=c.node_count,
+            boundary_leaves=c.boundary_leaves,
+            opaque_leaves=c.opaque_leaves,
+            clear_leaves=c.clear_leaves,
+            unknown_leaves=c.unknown_leaves,
+            reference_count=c.reference_count,
+            seed_rays=c.seed_rays,
+            depth=c.depth,
+            region_count=c.region_count,
+            opaque_volume_fraction=c.opaque_volume_fraction,
+            occluder_area=c.occluder_area,
+            mesh_area=c.mesh_area,
+            bytes=c.tree_bytes,
+            auto_order=next(name for name, order in ORDERS.items() if order == c.auto_order),
+        ),
+        seconds=BuildSeconds(
+            components=c.seconds_components, build=c.seconds_build, classify=c.seconds_classify
+        ),
+        triangle_count=c.triangle_count,
+        vertex_count=c.vertex_count,
+        component_count=c.component_count,
+        closed_count=c.closed_count,
+        lower=_vector(c.lower),
+        upper=_vector(c.upper),
+        origin=origin(scene),
+        threads=c.threads,
+    )
+
+
+def _mesh_report(scene: Handle, geom_id: int, components: Sequence[ComponentReport]) -> MeshReport:
+    c = _report(lib.vocc_scene_mesh_report, "vocc_mesh_report", scene, geom_id)
+    first = c.first_component
+    return MeshReport(
+        geom_id=geom_id,
+        name=_text(c.name),
+        occluder=bool(c.occluder),
+        triangle_count=c.triangle_count,
+        vertex_count=c.vertex_count,
+        welded_vertices=c.welded_vertices,
+        degenerate_triangles=c.degenerate_triangles,
+        closed=bool(c.closed),
+        boundary_edges=c.boundary_edges,
+        nonmanifold_edges=c.nonmanifold_edges,
+        inconsistent_edges=c.inconsistent_edges,
+        volume=c.volume,
+        components=tuple(components[first : first + c.component_count]),
+    )
+
+
+def _component_report(scene: Handle, index: int) -> ComponentReport:
+    c = _report(lib.vocc_scene_component_report, "vocc_component_report", scene, index)
+    return ComponentReport(
+        index=index,
+        geom_id=c.geom_id,
+        triangle_count=c.triangle_count,
+        first_triangle=c.first_triangle,
+        closed=bool(c.closed),
+        consistent=bool(c.consistent),
+        boundary_edges=c.boundary_edges,
+        nonmanifold_edges=c.nonmanifold_edges,
+        inconsistent_edges=c.inconsistent_edges,
+        volume=c.volume,
+    )
+
+
+def _report(function: Callable[..., int], kind: str, *args: Any) -> Any:
+    result, error = ffi.new(f"{kind} *"), ffi.new("vocc_error *")
+    result.size = ffi.sizeof(kind)
+    _check(function(*args, result, error), error)
+    return result
+
+
+def _vector(doubles: Any) -> Vector:
+    return (doubles[0], doubles[1], doubles[2])
+
+
+# ---- queries -----------------------------------------------------------------
+
+
+def _query(
+    function: Callable[..., int],
+    args: Sequence[Any],
+    query: Query,
+    progress: Progress | None,
+    stats: Stats | None,
+) -> None:
+    options = ffi.new("vocc_query_options *")
+    lib.vocc_query_options_init(options)
+    options.order = query.order
+    options.occluders = query.occluders
+    options.deferment = query.deferment
+    options.cache = query.cache
+    options.packets = query.packets
+    options.isa = query.isa
+    options.threads = query.threads
+    if stats is None:
+        _run(function, args, options, progress)
+        return
+    counters = ffi.new("vocc_counters *")
+    options.counters = counters
+    _run(function, args, options, progress)
+    stats.add({name: getattr(counters, name) for name in _COUNTERS})
+
+
+def _rays(count: int, org: Rows, dir: Rows, tmin: Rows | None, tmax: Rows | None) -> Any:
+    return ffi.new("vocc_rays *", (count, _array(org), _array(dir), _array(tmin), _array(tmax)))
+
+
+def intersect(
+    scene: Handle,
+    count: int,
+    org: Rows,
+    dir: Rows,
+    tmin: Rows | None,
+    tmax: Rows | None,
+    hits: Sequence[AnyArray],
+    query: Query,
+    progress: Progress | None,
+    stats: Stats | None,
+) -> None:
+    """Fills hits: t, geom_id, prim_id, u, v."""
+    t, geom_id, prim_id, u, v = hits
+    outputs = ffi.new(
+        "vocc_hits *",
+        (
+            _pointer("float", t),
+            _pointer("int32_t", geom_id),
+            _pointer("int32_t", prim_id),
+            _pointer("float", u),
+            _pointer("float", v),
+        ),
+    )
+    rays = _rays(count, org, dir, tmin, tmax)
+    _query(lib.vocc_intersect, (scene, rays, outputs), query, progress, stats)
+
+
+def occluded(
+    scene: Handle,
+    count: int,
+    org: Rows,
+    dir: Rows,
+    tmin: Rows | None,
+    tmax: Rows | None,
+    result: AnyArray,
+    query: Query,
+    progress: Progress | None,
+    stats: Stats | None,
+) -> None:
+    """Fills result: 1 or 0 in one byte each."""
+    args = (scene, _rays(count, org, dir, tmin, tmax), _pointer("uint8_t", result))
+    _query(lib.vocc_occluded, args, query, progress, stats)
+
+
+def region(
+    scene: Handle,
+    count: int,
+    points: Rows,
+    result: AnyArray,
+    query: Query,
+    progress: Progress | None,
+    stats: Stats | None,
+) -> None:
+    """Fills result: int32 each."""
+    args = (scene, count, _array(points), _pointer("int32_t", result))
+    _query(lib.vocc_region, args, query, progress, stats)
+
+
+def light_visibility(
+    scene: Handle,
+    count: int,
+    points: Rows,
+    normals: Rows,
+    point_ids: Rows | None,
+    lights: Sequence[RectLight],
+    samples: int,
+    visible: AnyArray,
+    query: Query,
+    progress: Progress | None,
+    stats: Stats | None,
+) -> None:
+    """Fills visible: (lights, count) uint16."""
+    args = (
+        scene,
+        count,
+        _array(points),
+        _array(normals),
+        _array(point_ids),
+        len(lights),
+        ffi.new(
+            "vocc_rect_light[]",
+            [(light.corner, light.edge_u, light.edge_v) for light in lights],
+        ),
+        samples,
+        _pointer("uint16_t", visible),
+    )
+    _query(lib.vocc_light_visibility, args, query, progress, stats)

@@ -1,0 +1,6 @@
+"""The extension module that cffi makes; `_ffi.py` gives its contents types."""
+
+from typing import Any
+
+ffi: Any
+lib: Any

@@ -1,0 +1,59 @@
+"""Counters of what queries did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass
+class Stats:
+    """What queries did; give one as `stats=` and its counters are added to.
+
+    A packet counts once however many lanes it has. Counting costs a little time; without
+    `stats` it costs nothing. One Stats must not be given to two calls at once.
+
+    Attributes:
+        rays: traced, with those that meet nothing by definition.
+        occluded: blocked rays; for `intersect`, hits.
+        packets: groups of rays traced together.
+        node_visits: traversal steps, at interior nodes.
+        leaf_visits: at boundary leaves.
+        triangle_tests: packet x triangle.
+        active_lanes: sum of live lanes over node_visits.
+        exact_tests: ray x triangle settled beyond float32.
+        occluder_hits_tree: rays blocked by an opaque leaf.
+        occluder_hits_cache: rays blocked by a cached occluder.
+        cache_lookups: packet x cached box.
+        fallbacks: rays whose end could not be certified when an occluder was about to decide.
+        deferred: leaves put on the deferment list.
+        queue_pushes, queue_pops: of the breadth-first orders.
+        careful_rays: traced in double, with values outside the range of the float kernels.
+    """
+
+    rays: int = 0
+    occluded: int = 0
+    packets: int = 0
+    node_visits: int = 0
+    leaf_visits: int = 0
+    triangle_tests: int = 0
+    active_lanes: int = 0
+    exact_tests: int = 0
+    occluder_hits_tree: int = 0
+    occluder_hits_cache: int = 0
+    cache_lookups: int = 0
+    fallbacks: int = 0
+    deferred: int = 0
+    queue_pushes: int = 0
+    queue_pops: int = 0
+    careful_rays: int = 0
+
+    @property
+    def lanes_per_visit(self) -> float:
+        """Live lanes at a traversal step on average; 0 without one."""
+        return self.active_lanes / self.node_visits if self.node_visits else 0.0
+
+    def add(self, counters: Mapping[str, int]) -> None:
+        """Adds counters by their names here."""
+        for name, count in counters.items():
+            setattr(self, name, getattr(self, name) + count)

@@ -1,0 +1,397 @@
+/* Guards light_visibility: the counts are those of the documented shadow rays,
+ * traced one by one with the baseline, for lights outside of, inside of and
+ * cutting the meshes, with all options; and the sampler is the documented one
+ * to the last bit. */
+#include "world.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "test.h"
+
+/* ---- the sampler, as documented ---------------------------------------- */
+
+static uint32_t hash32(uint32_t x)
+{
+    x ^= x >> 16;
+    x *= UINT32_C(0x7feb352d);
+    x ^= x >> 15;
+    x *= UINT32_C(0x846ca68b);
+    x ^= x >> 16;
+    return x;
+}
+
+/* One rounding an operation: volatile keeps a compiler from contracting. */
+static float rounded(float x)
+{
+    volatile float y = x;
+    return y;
+}
+
+static void sample_point(const vocc_rect_light *light, uint32_t point_id,
+                         uint32_t number, uint32_t sample, uint32_t samples,
+                         float out[3])
+{
+    uint32_t nv = (uint32_t)sqrt((double)samples);
+    while (samples % nv)
+        nv--;
+    const uint32_t nu = samples / nv;
+    const uint32_t h = hash32(point_id * 2048u + number * 256u + sample);
+    const float j1 = (float)(h & 0xffffu) * (1.0f / 65536.0f);
+    const float j2 = (float)(h >> 16) * (1.0f / 65536.0f);
+    const float a = rounded(rounded((float)(sample % nu) + j1) *
+                            rounded(1.0f / (float)nu));
+    const float b = rounded(rounded((float)(sample / nu) + j2) *
+                            rounded(1.0f / (float)nv));
+    for (int k = 0; k < 3; k++) {
+        const float first = rounded(a * (float)light->edge_u[k]);
+        const float second = rounded(b * (float)light->edge_v[k]);
+        out[k] = rounded(rounded((float)light->corner[k] + first) + second);
+    }
+}
+
+/* ---- the reference ----------------------------------------------------- */
+
+typedef struct receivers {
+    size_t count;
+    float *points, *normals; /* rows of 3 */
+    uint32_t *ids;           /* NULL: 0, 1, 2, ... */
+} receivers;
+
+static int is_lit(const receivers *r, size_t i, const vocc_rect_light *light)
+{
+    double sum = 0.0;
+    for (size_t k = 0; k < 3; k++) {
+        const double centre = light->corner[k] + 0.5 * light->edge_u[k] +
+                              0.5 * light->edge_v[k];
+        if (!isfinite(r->points[3 * i + k]))
+            return 0;
+        sum += (double)r->normals[3 * i + k] *
+               (centre - (double)r->points[3 * i + k]);
+    }
+    return sum > 0.0;
+}
+
+static void expected_counts(const world *w, const receivers *r,
+                            size_t light_count, const vocc_rect_light *lights,
+                            uint32_t samples, uint16_t *visible)
+{
+    ray_set set;
+    rays_init(&set);
+    for (size_t l = 0; l < light_count; l++) {
+        for (size_t i = 0; i < r->count; i++) {
+            visible[l * r->count + i] = VOCC_NOT_TRACED;
+            if (!is_lit(r, i, &lights[l]))
+                continue;
+            visible[l * r->count + i] = 0;
+            for (uint32_t k = 0; k < samples; k++) {
+                float to[3], dir[3];
+                const uint32_t id = r->ids ? r->ids[i] : (uint32_t)i;
+                sample_point(&lights[l], id, (uint32_t)l, k, samples, to);
+                for (size_t c = 0; c < 3; c++)
+                    dir[c] = rounded(to[c] - r->points[3 * i + c]);
+                rays_add(&set, RAY_COHERENT, r->points + 3 * i, dir, 0.0f,
+                         1.0f);
+            }
+        }
+    }
+    uint8_t *occluded = malloc(set.count + 1);
+    REQUIRE(occluded);
+    const mode baseline = mode_baseline();
+    trace(w, &set, &baseline, occluded, NULL);
+    size_t at = 0;
+    for (size_t i = 0; i < light_count * r->count; i++) {
+        if (visible[i] == VOCC_NOT_TRACED)
+            continue;
+        for (uint32_t k = 0; k < samples; k++)
+            visible[i] = (uint16_t)(visible[i] + !occluded[at++]);
+    }
+    test_compared(set.count);
+    free(occluded);
+    rays_free(&set);
+}
+
+static vocc_status query(const world *w, const receivers *r, size_t light_count,
+                         const vocc_rect_light *lights, int32_t samples,
+                         uint16_t *visible, const vocc_query_options *options,
+                         vocc_error *error)
+{
+    vocc_array ids = rows_of(r->ids, sizeof(uint32_t), VOCC_UINT32);
+    return vocc_light_visibility(
+        w->scene, r->count, rows_of(r->points, 12, VOCC_FLOAT32),
+        rows_of(r->normals, 12, VOCC_FLOAT32), ids, light_count, lights,
+        samples, visible, options, error);
+}
+
+static void compare_counts(int line, const char *what, const receivers *r,
+                           size_t light_count, const uint16_t *actual,
+                           const uint16_t *expected)
+{
+    for (size_t i = 0; i < light_count * r->count; i++) {
+        if (actual[i] == expected[i])
+            continue;
+        const float *p = r->points + 3 * (i % r->count);
+        test_fail(__FILE__, line,
+                  "%s: light %zu, point %zu (%a, %a, %a): %d samples, not %d",
+                  what, i / r->count, i % r->count, (double)p[0], (double)p[1],
+                  (double)p[2], actual[i], expected[i]);
+        return;
+    }
+}
+
+/* ---- the places -------------------------------------------------------- */
+
+/* Points off, on and inside the surface; normals mostly outward. */
+static void receivers_make(receivers *r, const shape *s, size_t count)
+{
+    test_random random = random_seed(4711);
+    double lower[3], upper[3];
+    shape_bounds(s, lower, upper);
+    r->count = count;
+    r->points = malloc(3 * count * sizeof(float));
+    r->normals = malloc(3 * count * sizeof(float));
+    r->ids = NULL;
+    REQUIRE(r->points && r->normals);
+    for (size_t i = 0; i < count; i++) {
+        float *p = r->points + 3 * i, *n = r->normals + 3 * i;
+        const mesh *m =
+            &s->parts[random_below(&random, (uint32_t)s->part_count)].m;
+        const size_t t = random_below(&random, (uint32_t)m->triangle_count);
+        const float *c[3];
+        double cross[3], length = 0.0;
+        for (int k = 0; k < 3; k++)
+            c[k] = mesh_corner(m, t, k);
+        for (int k = 0; k < 3; k++) {
+            const int x = (k + 1) % 3, y = (k + 2) % 3;
+            cross[k] =
+                ((double)c[1][x] - (double)c[0][x]) *
+                    ((double)c[2][y] - (double)c[0][y]) -
+                ((double)c[1][y] - (double)c[0][y]) *
+                    ((double)c[2][x] - (double)c[0][x]);
+            length += cross[k] * cross[k];
+        }
+        length = length > 0.0 ? sqrt(length) : 1.0;
+        const double u = random_in(&random, 0, 0.5),
+                     v = random_in(&random, 0, 0.5);
+        const double off = i % 8 == 0 ? 0.0 : i % 8 == 1 ? -1e-4 : 1e-4;
+        for (int k = 0; k < 3; k++) {
+            n[k] = (float)(cross[k] / length);
+            p[k] = (float)((double)c[0][k] +
+                           u * ((double)c[1][k] - (double)c[0][k]) +
+                           v * ((double)c[2][k] - (double)c[0][k]) +
+                           off * cross[k] / length);
+            if (i % 8 == 2) {
+                p[k] = (float)random_in(&random, lower[k] - 1, upper[k] + 1);
+                n[k] = (float)random_in(&random, -1, 1);
+            }
+        }
+        if (i % 64 == 3)
+            p[i / 64 % 3] = i & 128 ? NAN : HUGE_VALF;
+        if (i % 64 == 4)
+            n[i / 64 % 3] = NAN;
+        if (i % 64 == 5)
+            n[0] = n[1] = n[2] = 0.0f;
+        if (i % 64 == 6)
+            for (int k = 0; k < 3; k++)
+                n[k] *= 1e30f;
+    }
+}
+
+static void receivers_free(receivers *r)
+{
+    free(r->points);
+    free(r->normals);
+    free(r->ids);
+}
+
+static const vocc_rect_light lights[] = {
+    {{-0.5, 3, -0.5}, {1, 0, 0}, {0, 0, 1}},
+    {{1.75, 1.25, 2.25}, {0.5, 0, -0.5}, {0, 0.5, 0}},
+    {{-2.25, 1.75, 1.75}, {0.5, 0, 0.5}, {0, 0.5, 0}},
+    /* inside */
+    {{-0.125, 0.0625, -0.0625}, {0.125, 0, 0}, {0, 0.0625, 0.0625}},
+    /* cutting through everything */
+    {{-2, -2, 0.03125}, {4, 0, 0}, {0, 4, 0}},
+    /* a segment and a point */
+    {{-1, 2, 0}, {2, 0, 0}, {0, 0, 0}},
+    {{0.25, 0.75, 2}, {0, 0, 0}, {0, 0, 0}},
+    /* in the plane of a box's side, and touching its corner */
+    {{0.75, -0.75, -0.75}, {0, 1.5, 0}, {0, 0, 1.5}},
+};
+#define LIGHTS (sizeof(lights) / sizeof(lights[0]))
+
+static void all_options(void)
+{
+    static const int caches[] = {0, 8, -1}, deferments[] = {0, 16, -1},
+                     threads[] = {1, -1};
+    static const int32_t counts[] = {1, 2, 7, 16, 20};
+    mode_list modes = modes_of(caches, deferments, threads);
+    for (size_t i = 0; i < shape_count(); i++) {
+        shape s;
+        world w;
+        receivers r;
+        test_context(shape_name(i));
+        shape_make(&s, i, 1);
+        world_make(&w, &s, NULL);
+        receivers_make(&r, &s, test_scaled(256, 64));
+        const int32_t samples = counts[i % 5];
+        uint16_t *expected = malloc(LIGHTS * r.count * sizeof(*expected));
+        uint16_t *actual = malloc(LIGHTS * r.count * sizeof(*actual));
+        REQUIRE(expected && actual);
+        expected_counts(&w, &r, LIGHTS, lights, (uint32_t)samples, expected);
+        for (size_t k = 0; k < modes.count; k++) {
+            /* Each shape takes a share of the modes, all get the default. */
+            if (k && (k + i) % 4)
+                continue;
+            vocc_query_options options;
+            vocc_error error;
+            mode_options(&modes.modes[k], &options);
+            memset(actual, 0x55, LIGHTS * r.count * sizeof(*actual));
+            CHECK_STATUS(query(&w, &r, LIGHTS, lights, samples, actual,
+                               k ? &options : NULL, &error),
+                         &error, VOCC_OK);
+            compare_counts(__LINE__, mode_text(&modes.modes[k]), &r, LIGHTS,
+                           actual, expected);
+            test_compared(LIGHTS * r.count);
+        }
+        free(expected);
+        free(actual);
+        receivers_free(&r);
+        world_free(&w);
+        shape_free(&s);
+    }
+    modes_free(&modes);
+}
+
+/* More points than a thread takes at once; their own ids; counters. */
+static void threads(void)
+{
+    shape s;
+    world w;
+    receivers r;
+    shape_make(&s, 12, 1);
+    world_make(&w, &s, NULL);
+    receivers_make(&r, &s, test_scaled(6000, 600));
+    r.ids = malloc(r.count * sizeof(uint32_t));
+    REQUIRE(r.ids);
+    for (size_t i = 0; i < r.count; i++)
+        r.ids[i] = hash32((uint32_t)i); /* wraps in the key */
+    uint16_t *expected = malloc(3 * r.count * sizeof(*expected));
+    uint16_t *actual = malloc(3 * r.count * sizeof(*actual));
+    REQUIRE(expected && actual);
+    expected_counts(&w, &r, 3, lights, 5, expected);
+    vocc_counters first;
+    for (int n = 1; n < 5; n++) {
+        vocc_query_options options;
+        vocc_error error;
+        vocc_counters counters;
+        memset(&counters, 0, sizeof(counters));
+        vocc_query_options_init(&options);
+        options.threads = n;
+        options.counters = &counters;
+        CHECK_STATUS(query(&w, &r, 3, lights, 5, actual, &options, &error),
+                     &error, VOCC_OK);
+        compare_counts(__LINE__, "threads", &r, 3, actual, expected);
+        uint64_t traced = 0, seen = 0;
+        for (size_t i = 0; i < 3 * r.count; i++) {
+            traced += actual[i] == VOCC_NOT_TRACED ? 0 : 5;
+            seen += actual[i] == VOCC_NOT_TRACED ? 0 : actual[i];
+        }
+        CHECK_INT(counters.rays, traced);
+        CHECK_INT(counters.occluded, traced - seen);
+        if (n == 1)
+            first = counters;
+        else
+            CHECK(memcmp(&first, &counters, sizeof(counters)) == 0);
+    }
+    free(expected);
+    free(actual);
+    receivers_free(&r);
+    world_free(&w);
+    shape_free(&s);
+}
+
+/* Nothing in the way: all samples, whatever their number. */
+static void sample_numbers(void)
+{
+    shape s;
+    world w;
+    shape_make(&s, 0, 0);
+    world_make(&w, &s, NULL);
+    float point[6] = {1.5f, 0.25f, 0, 0.25f, 1.5f, 0.125f};
+    float normal[6] = {1, 0, 0, 0, 1, 0};
+    const receivers r = {2, point, normal, NULL};
+    static const int32_t numbers[] = {1,  2,  3,   4,   5,    12,
+                                      97, 99, 100, 360, 4096, 65534};
+    for (size_t i = 0; i < sizeof(numbers) / sizeof(numbers[0]); i++) {
+        const vocc_rect_light light = {{4, -1, -1}, {0, 2, 0}, {0, 0, 2}};
+        uint16_t visible[2] = {0, 0}, expected[2];
+        vocc_error error;
+        CHECK_STATUS(query(&w, &r, 1, &light, numbers[i], visible, NULL,
+                           &error),
+                     &error, VOCC_OK);
+        expected_counts(&w, &r, 1, &light, (uint32_t)numbers[i], expected);
+        CHECK_INT(visible[0], numbers[i]);
+        CHECK_INT(visible[0], expected[0]);
+        CHECK_INT(visible[1], expected[1]);
+    }
+    world_free(&w);
+    shape_free(&s);
+}
+
+/* Exactly in the light's plane is not above it; float64 and strides. */
+static void layouts(void)
+{
+    shape s;
+    world w;
+    shape_make(&s, 0, 0);
+    world_make(&w, &s, NULL);
+    const vocc_rect_light light = {{-1, 2, -1}, {2, 0, 0}, {0, 0, 2}};
+    float point[9] = {0, 1.5f, 0, 0, 1.5f, 0, 0, 2, 0};
+    float normal[9] = {0, 1, 0, 1, 0, 0, 0, 1, 0};
+    const receivers r = {3, point, normal, NULL};
+    uint16_t visible[3], again[3];
+    vocc_error error;
+    CHECK_STATUS(query(&w, &r, 1, &light, 9, visible, NULL, &error), &error,
+                 VOCC_OK);
+    CHECK_INT(visible[0], 9);
+    CHECK_INT(visible[1], VOCC_NOT_TRACED);
+    CHECK_INT(visible[2], VOCC_NOT_TRACED);
+
+    double wide[18];
+    for (int i = 0; i < 9; i++) {
+        wide[i] = (double)point[8 - i / 3 * 3 - 2 + i % 3];
+        wide[9 + i] = (double)normal[i];
+    }
+    vocc_array points = rows_of(wide + 6, 0, VOCC_FLOAT64);
+    points.stride = -24;
+    const uint32_t ids[3] = {2, 1, 0};
+    vocc_array point_ids = rows_of(ids + 2, 0, VOCC_UINT32);
+    point_ids.stride = -(ptrdiff_t)sizeof(uint32_t);
+    CHECK_STATUS(vocc_light_visibility(w.scene, 3, points,
+                                       rows_of(wide + 9, 24, VOCC_FLOAT64),
+                                       point_ids, 1, &light, 9, again, NULL,
+                                       &error),
+                 &error, VOCC_OK);
+    CHECK(memcmp(visible, again, sizeof(visible)) == 0);
+    /* One normal for all. */
+    CHECK_STATUS(vocc_light_visibility(w.scene, 3, points,
+                                       rows_of(wide + 9, 0, VOCC_FLOAT64),
+                                       point_ids, 1, &light, 9, again, NULL,
+                                       &error),
+                 &error, VOCC_OK);
+    CHECK_INT(again[0], 9);
+    CHECK_INT(again[1], 9);
+    CHECK_INT(again[2], VOCC_NOT_TRACED);
+    world_free(&w);
+    shape_free(&s);
+}
+
+const test_case test_light_cases[] = {
+    {"light.all_options", all_options},
+    {"light.threads", threads},
+    {"light.sample_numbers", sample_numbers},
+    {"light.layouts", layouts},
+    {NULL, NULL},
+};

@@ -1,0 +1,222 @@
+/* Guards what build, classify and traverse agree on: the layout of a node, the
+ * clipping that perfect splits rest on, and the flood fill against the
+ * classification of the paper (one test ray a leaf, back face = inside). */
+#include "../../csrc/clip.h"
+#include "../../csrc/kdtree.h"
+#include "../../csrc/vocc.h"
+
+#include "world.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "test.h"
+
+static void node_layout(void)
+{
+    vocc_node n;
+    CHECK_INT(sizeof(vocc_node), 8);
+    n.at.split_pos = 1.0f;
+    n.bits = 2u | 2u << 2 | 1u << 4 | 0x2ABCDEFu << 6;
+    CHECK(!vocc_is_leaf(n));
+    CHECK_INT(vocc_axis(n), 2);
+    CHECK_INT(vocc_children(n), 2 * 0x2ABCDEFu);
+    n.at.first = 7;
+    n.bits = VOCC_LEAF | (unsigned)VOCC_OPAQUE << 2 | 0xABCDEFu << 4;
+    CHECK(vocc_is_leaf(n));
+    CHECK_INT(vocc_label_of(n), VOCC_OPAQUE);
+    CHECK_INT(vocc_leaf_count(n), 0xABCDEF);
+}
+
+/* ---- clipping --------------------------------------------------------------- */
+
+static float on_grid(test_random *random, int cells)
+{
+    return (float)random_below(random, (uint32_t)cells) / (float)cells;
+}
+
+/* Points of the triangle, in double, are never outside of the bounds of the
+ * side that they are on. */
+static void clip_loses_nothing(void)
+{
+    test_random random = random_seed(11);
+    const size_t trials = test_scaled(40000, 2000);
+    for (size_t i = 0; i < trials; i++) {
+        /* Coarse grids make vertices and edges lie in the planes. */
+        const int cells = i % 3 == 0 ? 4 : i % 3 == 1 ? 64 : 1 << 20;
+        const int axis = (int)random_below(&random, 3);
+        float c[9];
+        vocc_bounds box, parts[2];
+        for (int k = 0; k < 9; k++)
+            c[k] = on_grid(&random, cells);
+        for (int k = 0; k < 3; k++) {
+            const float a = on_grid(&random, cells), b = on_grid(&random, cells);
+            box.lower[k] = a < b ? a : b;
+            box.upper[k] = (a < b ? b : a) + (k == axis ? 0.25f : 0.0f);
+        }
+        const float split =
+            box.lower[axis] +
+            (box.upper[axis] - box.lower[axis]) * (float)random_in(&random, 0.1, 0.9);
+        const int sides =
+            vocc_clip_split(c, &box, axis, split, 1.25f, &parts[0], &parts[1]);
+        for (int j = 0; j < 24; j++) {
+            /* Dyadic weights: the points are exact on coarse grids. */
+            const double u = (double)random_below(&random, 17) / 16.0,
+                         v = (double)random_below(&random, 17) / 16.0 * (1.0 - u);
+            double p[3];
+            int inside = 1;
+            for (int k = 0; k < 3; k++) {
+                p[k] = (double)c[k] + u * ((double)c[3 + k] - (double)c[k]) +
+                       v * ((double)c[6 + k] - (double)c[k]);
+                inside &= p[k] >= (double)box.lower[k] &&
+                          p[k] <= (double)box.upper[k];
+            }
+            if (!inside)
+                continue;
+            test_compared(1);
+            for (int side = 0; side < 2; side++) {
+                if (side == 0 ? p[axis] > (double)split
+                              : p[axis] < (double)split)
+                    continue;
+                if (!(sides >> side & 1)) {
+                    test_fail(__FILE__, __LINE__,
+                              "trial %zu: side %d has a point and no part", i,
+                              side);
+                    return;
+                }
+                for (int k = 0; k < 3; k++)
+                    if (p[k] < (double)parts[side].lower[k] - 1e-15 ||
+                        p[k] > (double)parts[side].upper[k] + 1e-15) {
+                        test_fail(__FILE__, __LINE__,
+                                  "trial %zu: side %d, axis %d: %.17g is not "
+                                  "from %.9g to %.9g",
+                                  i, side, k, p[k],
+                                  (double)parts[side].lower[k],
+                                  (double)parts[side].upper[k]);
+                        return;
+                    }
+            }
+        }
+    }
+}
+
+/* ---- the flood fill ------------------------------------------------------------ */
+
+enum { DIRECTIONS = 5 };
+
+/* The paper's label of each centre: a ray of its own, back face = inside. */
+static void label_by_rays(const world *w, const mesh *m, const float *centres,
+                          size_t count, int direction, uint8_t *inside)
+{
+    static const float directions[DIRECTIONS][3] = {
+        {0.813f, 0.347f, 0.211f},   {-0.531f, 0.619f, 0.377f},
+        {0.129f, -0.887f, 0.443f},  {-0.271f, -0.157f, -0.911f},
+        {0.577f, 0.293f, -0.761f}};
+    vocc_rays rays;
+    vocc_hits hits;
+    vocc_error error;
+    memset(&rays, 0, sizeof rays);
+    memset(&hits, 0, sizeof hits);
+    rays.count = count;
+    rays.org = rows_of(centres, 3 * sizeof(float), VOCC_FLOAT32);
+    rays.dir = rows_of(directions[direction], 0, VOCC_FLOAT32);
+    hits.prim_id = malloc(count * sizeof *hits.prim_id);
+    REQUIRE(hits.prim_id);
+    CHECK_STATUS(vocc_intersect(w->scene, &rays, &hits, NULL, &error), &error,
+                 VOCC_OK);
+    for (size_t i = 0; i < count; i++) {
+        double e1[3], e2[3], facing = 0.0;
+        inside[i] = 0;
+        if (hits.prim_id[i] < 0)
+            continue;
+        for (int k = 0; k < 3; k++) {
+            const size_t t = (size_t)hits.prim_id[i];
+            e1[k] = (double)mesh_corner(m, t, 1)[k] - (double)mesh_corner(m, t, 0)[k];
+            e2[k] = (double)mesh_corner(m, t, 2)[k] - (double)mesh_corner(m, t, 0)[k];
+        }
+        for (int k = 0; k < 3; k++)
+            facing += (double)directions[direction][k] *
+                      (e1[(k + 1) % 3] * e2[(k + 2) % 3] -
+                       e1[(k + 2) % 3] * e2[(k + 1) % 3]);
+        inside[i] = facing > 0.0;
+    }
+    free(hits.prim_id);
+}
+
+static void flood_is_one_ray_a_leaf(void)
+{
+    static const double lower[3] = {-1.0, -0.5, -0.25}, upper[3] = {0.75, 1.0, 2.0};
+    for (int which = 0; which < 3; which++) {
+        shape s;
+        world w;
+        size_t count = 0, empties = 0, agreed = 0;
+        vocc_leaf *leaves;
+        vocc_error error;
+        memset(&s, 0, sizeof s);
+        s.name = which == 0 ? "sphere" : which == 1 ? "knot" : "box";
+        s.part_count = 1;
+        s.parts[0].occluder = 1;
+        mesh_init(&s.parts[0].m);
+        if (which == 0)
+            add_icosphere(&s.parts[0].m, 4, 1.0, 0.1, -0.2, 0.3);
+        else if (which == 1)
+            add_knot(&s.parts[0].m, 2, 3, 200, 12, 0.25);
+        else
+            add_box(&s.parts[0].m, 5, lower, upper);
+        test_context(s.name);
+        world_make(&w, &s, NULL);
+        CHECK_STATUS(vocc_scene_leaves(w.scene, 0, NULL, &count, &error),
+                     &error, VOCC_OK);
+        leaves = malloc(count * sizeof *leaves);
+        float *centres = malloc(count * 3 * sizeof *centres);
+        uint8_t *inside = malloc(count * DIRECTIONS);
+        REQUIRE(leaves && centres && inside);
+        CHECK_STATUS(vocc_scene_leaves(w.scene, count, leaves, &count, &error),
+                     &error, VOCC_OK);
+        for (size_t i = 0; i < count; i++) {
+            if (leaves[i].label == VOCC_BOUNDARY || leaves[i].label == VOCC_UNKNOWN)
+                continue;
+            leaves[empties] = leaves[i];
+            for (int k = 0; k < 3; k++)
+                centres[3 * empties + (size_t)k] =
+                    0.5f * (leaves[i].lower[k] + leaves[i].upper[k]);
+            empties++;
+        }
+        REQUIRE(empties > 0);
+        for (int d = 0; d < DIRECTIONS; d++)
+            label_by_rays(&w, &s.parts[0].m, centres, empties, d,
+                          inside + (size_t)d * empties);
+        for (size_t i = 0; i < empties; i++) {
+            int votes = 0;
+            for (int d = 0; d < DIRECTIONS; d++)
+                votes += inside[(size_t)d * empties + i];
+            if (votes != 0 && votes != DIRECTIONS)
+                continue;
+            agreed++;
+            test_compared(1);
+            if ((leaves[i].label == VOCC_OPAQUE) != (votes != 0)) {
+                test_fail(__FILE__, __LINE__,
+                          "leaf %zu: label %d, but %d of %d rays say inside", i,
+                          (int)leaves[i].label, votes, (int)DIRECTIONS);
+                break;
+            }
+        }
+        test_note("%s: %zu empty leaves, the rays agree on %zu", s.name, empties,
+                  agreed);
+        CHECK(agreed * 10 > empties * 9);
+        free(leaves);
+        free(centres);
+        free(inside);
+        world_free(&w);
+        mesh_free(&s.parts[0].m);
+    }
+    test_context(NULL);
+}
+
+const test_case test_tree_cases[] = {
+    {"tree.node_layout", node_layout},
+    {"tree.clip_loses_nothing", clip_loses_nothing},
+    {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
+    {NULL, NULL},
+};

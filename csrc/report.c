@@ -197,7 +197,8 @@ vocc_status vocc_scene_references(const vocc_scene *scene, uint64_t first,
     if (status != VOCC_OK)
         return status;
     tree = &scene->built.tree;
-    if (first > tree->reference_count)
+    if (first > tree->reference_count ||
+        (count && first == tree->reference_count))
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "first", -1,
                          (double)first,
                          "first is %" PRIu64 ": there are %zu references",

@@ -91,8 +91,11 @@ vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
             return status;
         query->options = *options;
     }
-    if (query->options.order == VOCC_ORDER_AUTO)
+    if (query->options.order == VOCC_ORDER_AUTO) {
         query->options.order = scene->built.report.auto_order;
+        if (!scene->built.auto_cache)
+            query->options.cache = 0;
+    }
     query->kernels = vocc_find_kernels(&query->options);
     if (!query->kernels)
         return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "isa", -1,

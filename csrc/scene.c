@@ -370,12 +370,15 @@ static double area_of_solids(const vocc_built *built)
     return area;
 }
 
-/* Which order AUTO stands for: docs/method.md, "auto". */
-static int32_t choose_order(const vocc_report *r)
+/* What AUTO stands for: docs/method.md, "Orders". */
+static void choose_order(vocc_built *built)
 {
-    return r->mesh_area > 0.0 && r->occluder_area >= 9.0 * r->mesh_area
-               ? VOCC_ORDER_QDBFS
-               : VOCC_ORDER_STANDARD;
+    const vocc_report *r = &built->report;
+    built->report.auto_order =
+        r->mesh_area > 0.0 && r->occluder_area >= 9.0 * r->mesh_area
+            ? VOCC_ORDER_QDBFS
+            : VOCC_ORDER_STANDARD;
+    built->auto_cache = r->occluder_area >= 1.5 * r->mesh_area;
 }
 
 static void fill_report(const vocc_scene *scene, vocc_built *built,
@@ -414,7 +417,7 @@ static void fill_report(const vocc_scene *scene, vocc_built *built,
                                          sizeof *t->ids +
                                          sizeof *built->solid_of_triangle) +
                     t->opaque_count * sizeof *t->opaque;
-    r->auto_order = choose_order(r);
+    choose_order(built);
 }
 
 static vocc_status build(vocc_scene *scene, const vocc_build_options *options,

@@ -324,7 +324,8 @@ VOCC_API vocc_status vocc_scene_references(const vocc_scene *scene,
 /* ---- queries ----------------------------------------------------------- */
 
 typedef enum vocc_order {
-    VOCC_ORDER_AUTO = 0,     /* chosen when the scene was built */
+    VOCC_ORDER_AUTO = 0,     /* chosen when the scene was built; it also does
+                                without the cache where that does not pay */
     VOCC_ORDER_STANDARD = 1, /* front to back; triangles at once */
     VOCC_ORDER_EXTENDED = 2, /* front to back; triangles deferred */
     VOCC_ORDER_BFS = 3,      /* breadth first; triangles deferred */

@@ -80,7 +80,7 @@ class TreeReport:
         boundary_leaves: leaves that hold triangles.
         opaque_leaves: empty leaves inside a solid, the volumetric occluders.
         clear_leaves: empty leaves outside every solid.
-        unknown_leaves: empty leaves that are not used; 0 unless there is a fault.
+        unknown_leaves: empty leaves too thin to tell their region; not used as occluders.
         reference_count: triangle references in leaves.
         seed_rays: rays that told the regions of the empty leaves.
         depth: of the deepest leaf.

@@ -172,7 +172,7 @@ class Scene:
         Args:
             vertices: (V, 3) float32 or float64, finite. float64 coordinates are moved by a
                 common origin before they are rounded to float32 (see `origin`), unless all
-                of them are float32 numbers already.
+                of them are float32 numbers and near to zero already.
             triangles: (T, 3) integers, each from 0 to V - 1. Degenerate and repeated
                 triangles are accepted; one without area is never hit.
             name: for the report; cut after 63 bytes.
@@ -234,7 +234,7 @@ class Scene:
                 not, 1 to 2^20; default 64.
             max_depth: 1 to 60; 0, the default, for 8 + 1.6 log2(triangles).
             bad_refines: splits in a row that the SAH finds too dear but are tried, 0 to 16;
-                default 2.
+                default 0.
             strict: a mesh that is not closed is an error, unless it was added with
                 occluder=False.
 
@@ -281,7 +281,7 @@ class Scene:
     @property
     def origin(self) -> NDArray[np.float64]:
         """(3,): the point that is subtracted from float64 coordinates before they are rounded
-        to float32; zero where all coordinates were float32 numbers already."""
+        to float32; zero where all were float32 numbers and near to zero already."""
         return np.array(self.report.origin)
 
     # ---- queries -------------------------------------------------------------

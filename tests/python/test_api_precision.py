@@ -39,13 +39,27 @@ def test_a_slit_of_2_mm_is_seen_at_500_km(shift: NDArray[np.float64]) -> None:
     assert [mesh.volume for mesh in scene.report.meshes] == pytest.approx([500, 500], rel=1e-6)
 
 
-def test_the_origin_is_zero_where_float32_holds_everything() -> None:
+@pytest.mark.parametrize(
+    ("center", "dtype"), [((1.5, -0.25, 3), np.float64), ((1024.5, -7.25, 3e6), np.float32)]
+)
+def test_the_origin_is_zero_where_float32_holds_everything(
+    center: tuple[float, float, float], dtype: type
+) -> None:
     scene = pyvocc.Scene()
-    vertices, triangles = shapes.cube((1024.5, -7.25, 3e6))
-    scene.add_mesh(vertices, triangles)
+    vertices, triangles = shapes.cube(center)
+    scene.add_mesh(vertices.astype(dtype), triangles)
     scene.build()
     assert scene.origin.tolist() == [0, 0, 0]
     assert scene.origin.dtype == np.float64
+
+
+def test_points_between_far_float32_numbers_are_told_apart() -> None:
+    scene = pyvocc.Scene()
+    vertices, triangles = shapes.cube((500_000, 0, 0))
+    scene.add_mesh(vertices, triangles)
+    scene.build()
+    org = [[499_999.001, 0.1, 9], [499_998.999, 0.1, 9]]
+    assert scene.occluded(org, [0, 0, -1.0]).tolist() == [True, False]
 
 
 def test_the_origin_is_the_centre_where_it_does_not() -> None:

@@ -128,8 +128,8 @@ void vocc_build_options_init(vocc_build_options *options)
     memset(options, 0, sizeof *options);
     options->size = (uint32_t)sizeof *options;
     options->traversal_cost = 1.0f;
-    options->intersection_cost = 0.5f;
-    options->empty_bonus = 0.5f;
+    options->intersection_cost = 0.65f;
+    options->empty_bonus = 0.2f;
     options->max_leaf_size = 64;
 }
 
@@ -375,7 +375,7 @@ static void choose_order(vocc_built *built)
 {
     const vocc_report *r = &built->report;
     built->report.auto_order =
-        r->mesh_area > 0.0 && r->occluder_area >= 9.0 * r->mesh_area
+        r->mesh_area > 0.0 && r->occluder_area >= 8.0 * r->mesh_area
             ? VOCC_ORDER_QDBFS
             : VOCC_ORDER_STANDARD;
     built->auto_cache = r->occluder_area >= 1.5 * r->mesh_area;

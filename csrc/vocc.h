@@ -176,8 +176,9 @@ typedef struct vocc_build_options {
     uint32_t size;           /* sizeof(vocc_build_options) */
     int32_t threads;         /* 0: one a processor; at most 256 */
     float traversal_cost;    /* SAH: one step; > 0, default 1 */
-    float intersection_cost; /* SAH: one triangle test; > 0, default 0.5 */
-    float empty_bonus;       /* SAH: share saved by an empty child, 0 to 1 */
+    float intersection_cost; /* SAH: one triangle test; > 0, default 0.65 */
+    float empty_bonus;       /* SAH: share saved by an empty child, 0 to 1,
+                                default 0.2 */
     int32_t max_leaf_size;   /* split above this count even where the SAH would
                                 not; 1 to 2^20, default 64 */
     int32_t max_depth;       /* 0: 8 + 1.6 log2(triangles); at most 60 */

@@ -26,9 +26,25 @@ typedef struct flood {
     empty *empties;
     size_t count;
     vocc_ticker *ticker;
+    vocc_jobs *jobs; /* in a job: what to ask whether to stop; else NULL */
+    int worker;
     size_t work;
     int cancelled;
 } flood;
+
+/* Subtrees that are flooded as jobs: all at this depth. */
+enum { SUBTREE_DEPTH = 6, MOST_SUBTREES = 1 << SUBTREE_DEPTH };
+
+typedef struct subtree {
+    uint32_t node;
+    float lower[3], upper[3];
+} subtree;
+
+typedef struct subtrees {
+    flood *flood;
+    size_t count;
+    subtree list[MOST_SUBTREES];
+} subtrees;
 
 #define NO_GROUP UINT32_MAX
 
@@ -81,7 +97,9 @@ static void unite(empty *empties, uint32_t a, uint32_t b)
 
 static int poll(flood *f)
 {
-    if ((++f->work & 0xFFFF) == 0 && vocc_tick(f->ticker, 0.0))
+    if ((++f->work & 0xFFFF) == 0 &&
+        (f->jobs ? vocc_jobs_poll(f->jobs, f->worker)
+                 : vocc_tick(f->ticker, 0.0)))
         f->cancelled = 1;
     return f->cancelled;
 }
@@ -140,6 +158,7 @@ static void join_faces(flood *f, uint32_t below, uint32_t above, unsigned axis,
     }
 }
 
+/* Joins all leaves of a subtree: faces across its own planes last. */
 static void join_node(flood *f, uint32_t index, float lower[3], float upper[3])
 {
     const vocc_node n = f->tree->nodes[index];
@@ -157,6 +176,71 @@ static void join_node(flood *f, uint32_t index, float lower[3], float upper[3])
     join_node(f, below + 1, lower, upper);
     lower[axis] = saved;
     join_faces(f, below, below + 1, axis, lower, upper);
+}
+
+/* The nodes above SUBTREE_DEPTH: `listing` lists the subtrees below them, else
+ * they are joined as in join_node. */
+static void join_top(subtrees *s, uint32_t index, int depth, float lower[3],
+                     float upper[3], int listing)
+{
+    const vocc_node n = s->flood->tree->nodes[index];
+    const unsigned axis = vocc_axis(n);
+    const uint32_t below = vocc_children(n);
+    float saved;
+    if (vocc_is_leaf(n) || s->flood->cancelled)
+        return;
+    if (depth == SUBTREE_DEPTH) {
+        if (listing) {
+            subtree *t = &s->list[s->count++];
+            t->node = index;
+            memcpy(t->lower, lower, sizeof t->lower);
+            memcpy(t->upper, upper, sizeof t->upper);
+        }
+        return;
+    }
+    saved = upper[axis];
+    upper[axis] = n.at.split_pos;
+    join_top(s, below, depth + 1, lower, upper, listing);
+    upper[axis] = saved;
+    saved = lower[axis];
+    lower[axis] = n.at.split_pos;
+    join_top(s, below + 1, depth + 1, lower, upper, listing);
+    lower[axis] = saved;
+    if (!listing)
+        join_faces(s->flood, below, below + 1, axis, lower, upper);
+}
+
+/* Leaves of different subtrees are not touched: no two jobs share any. */
+static vocc_status join_subtree(void *context, size_t job, int worker,
+                                vocc_jobs *jobs)
+{
+    subtrees *s = context;
+    subtree *t = &s->list[job];
+    flood f = *s->flood;
+    f.jobs = jobs;
+    f.worker = worker;
+    join_node(&f, t->node, t->lower, t->upper);
+    return f.cancelled ? VOCC_ERROR_CANCELLED : VOCC_OK;
+}
+
+static vocc_status join_leaves(const vocc_allocator *allocator, flood *f,
+                               int threads)
+{
+    subtrees s;
+    float lower[3], upper[3];
+    vocc_status status;
+    s.flood = f;
+    s.count = 0;
+    memcpy(lower, f->tree->lower, sizeof lower);
+    memcpy(upper, f->tree->upper, sizeof upper);
+    join_top(&s, 0, 0, lower, upper, 1);
+    status = vocc_jobs_run(allocator, threads, s.count, join_subtree, &s,
+                           f->ticker);
+    if (status == VOCC_OK) {
+        join_top(&s, 0, 0, lower, upper, 0);
+        status = f->cancelled ? VOCC_ERROR_CANCELLED : VOCC_OK;
+    }
+    return status;
 }
 
 static double volume_of(const empty *e)
@@ -340,7 +424,8 @@ static void set_tags(vocc_tree *tree)
 
 static vocc_status classify(const vocc_allocator *allocator, flood *f,
                             const vocc_solids *solids, size_t solid_count,
-                            vocc_regions *regions, vocc_classification *out)
+                            int threads, vocc_regions *regions,
+                            vocc_classification *out)
 {
     group *groups = NULL;
     size_t group_count = 0;
@@ -352,12 +437,12 @@ static vocc_status classify(const vocc_allocator *allocator, flood *f,
     f->count = 0;
     (void)vocc_tree_leaves(f->tree, store_empty, f);
     if (solid_count) {
-        float lower[3], upper[3];
-        memcpy(lower, f->tree->lower, sizeof lower);
-        memcpy(upper, f->tree->upper, sizeof upper);
-        join_node(f, 0, lower, upper);
-        if (f->cancelled)
-            return VOCC_ERROR_CANCELLED;
+        const double from = f->ticker->last, to = f->ticker->to;
+        vocc_ticker_stage(f->ticker, from, 0.5 * (from + to));
+        status = join_leaves(allocator, f, threads);
+        if (status != VOCC_OK)
+            return status;
+        vocc_ticker_stage(f->ticker, from, to);
         groups = make_groups(allocator, f, &group_count);
         if (!groups)
             return VOCC_ERROR_OUT_OF_MEMORY;
@@ -385,8 +470,8 @@ static int count_boundary(void *context, uint32_t index, const float lower[3],
 
 vocc_status vocc_classify(const vocc_allocator *allocator, vocc_tree *tree,
                           const vocc_solids *solids, size_t solid_count,
-                          vocc_regions *regions, vocc_ticker *ticker,
-                          vocc_classification *out)
+                          int threads, vocc_regions *regions,
+                          vocc_ticker *ticker, vocc_classification *out)
 {
     flood f;
     vocc_status status;
@@ -394,7 +479,8 @@ vocc_status vocc_classify(const vocc_allocator *allocator, vocc_tree *tree,
     memset(out, 0, sizeof *out);
     f.tree = tree;
     f.ticker = ticker;
-    status = classify(allocator, &f, solids, solid_count, regions, out);
+    status = classify(allocator, &f, solids, solid_count, threads, regions,
+                      out);
     vocc_release(allocator, f.empties);
     f.work = 0;
     if (status == VOCC_OK)

@@ -15,11 +15,12 @@ typedef struct vocc_classification {
 } vocc_classification;
 
 /* Sets labels, tags and tree->opaque, and adds the regions met.  solid_count 0
- * makes every empty leaf CLEAR.  On failure the tree is to be freed. */
+ * makes every empty leaf CLEAR.  The result
+ * does not depend on `threads`.  On failure the tree is to be freed. */
 VOCC_INTERNAL vocc_status vocc_classify(const vocc_allocator *allocator,
                                         vocc_tree *tree,
                                         const vocc_solids *solids,
-                                        size_t solid_count,
+                                        size_t solid_count, int threads,
                                         vocc_regions *regions,
                                         vocc_ticker *ticker,
                                         vocc_classification *out);

@@ -474,7 +474,8 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     solids.of_triangle = built->solid_of_triangle;
     solids.consistent = built->solid_consistent;
     status = vocc_classify(a, &built->tree, &solids, built->solid_count,
-                           built->regions, ticker, &classification);
+                           options->threads, built->regions, ticker,
+                           &classification);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
     built->report.seconds_classify = vocc_seconds() - start;

@@ -116,8 +116,8 @@ static int make_leaf(builder *b, uint32_t index, const pending *node)
 static int make_task(builder *b, uint32_t index, const pending *node)
 {
     task *t;
-    if (!grow(b, &b->tasks, &b->task_capacity, b->task_count,
-              b->task_count + 1, sizeof *b->tasks))
+    if (!grow(b, &b->tasks, &b->task_capacity, b->task_count, b->task_count + 1,
+              sizeof *b->tasks))
         return 0;
     t = &b->tasks[b->task_count];
     memset(t, 0, sizeof *t);
@@ -167,10 +167,10 @@ static int partition(builder *b, const pending *node, const vocc_split *split,
         vocc_bounds parts[2];
         int sides = sides_of(&from[i].bounds, split);
         if (sides == 3)
-            sides = vocc_clip_split(
-                b->settings->corners + 9 * (size_t)from[i].triangle,
-                &from[i].bounds, split->axis, split->pos, b->settings->scale,
-                &parts[0], &parts[1]);
+            sides = vocc_clip_split(b->settings->corners +
+                                        9 * (size_t)from[i].triangle,
+                                    &from[i].bounds, split->axis, split->pos,
+                                    b->settings->scale, &parts[0], &parts[1]);
         else
             parts[0] = parts[1] = from[i].bounds;
         if (sides & 1) {
@@ -197,8 +197,7 @@ static int partition(builder *b, const pending *node, const vocc_split *split,
 static int worth_it(const settings *s, const pending *node,
                     const vocc_split *split, int *bad)
 {
-    const double leaf_cost =
-        s->sah.intersection_cost * (double)node->count;
+    const double leaf_cost = s->sah.intersection_cost * (double)node->count;
     *bad = node->bad;
     if (split->axis < 0 || node->depth >= s->max_depth)
         return 0;
@@ -245,17 +244,16 @@ static int build_node(builder *b, uint32_t index, const pending *node)
                 ? child[0].count + child[1].count - node->count
                 : 0;
     spare = node->budget > added ? node->budget - added : 0;
-    child[0].budget =
-        (size_t)((double)spare * (double)child[0].count /
-                 (double)(child[0].count + child[1].count + 1));
+    child[0].budget = (size_t)((double)spare * (double)child[0].count /
+                               (double)(child[0].count + child[1].count + 1));
     child[1].budget = spare - child[0].budget;
     child[0].depth = child[1].depth = node->depth + 1;
     child[0].bad = child[1].bad = bad;
     child[0].box.upper[split.axis] = split.pos;
     child[1].box.lower[split.axis] = split.pos;
 
-    if (!grow(b, &b->nodes, &b->node_capacity, b->node_count,
-              b->node_count + 2, sizeof *b->nodes))
+    if (!grow(b, &b->nodes, &b->node_capacity, b->node_count, b->node_count + 2,
+              sizeof *b->nodes))
         return 0;
     if (b->node_count / 2 >= (size_t)1 << 26)
         return fail(b, VOCC_ERROR_LIMIT);
@@ -358,8 +356,7 @@ static vocc_status join(const builder *top, vocc_tree *tree)
                        first = (uint32_t)tree->reference_count;
         tree->nodes[t->place] = moved(t->nodes[0], pairs, first);
         for (j = 2; j < t->node_count; j++)
-            tree->nodes[tree->node_count++] =
-                moved(t->nodes[j], pairs, first);
+            tree->nodes[tree->node_count++] = moved(t->nodes[j], pairs, first);
         memcpy(tree->references + tree->reference_count, t->leaves,
                t->leaf_count * sizeof *tree->references);
         tree->reference_count += t->leaf_count;
@@ -375,8 +372,7 @@ static vocc_status sort_triangles(const builder *top, size_t count,
                                   vocc_tree *tree)
 {
     const uint32_t none = UINT32_MAX;
-    uint32_t *number =
-        vocc_allocate(top->allocator, count, sizeof *number);
+    uint32_t *number = vocc_allocate(top->allocator, count, sizeof *number);
     size_t i, next = 0;
     /* One float more: SIMD loads the last corner as four. */
     tree->corners =

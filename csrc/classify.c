@@ -234,8 +234,8 @@ static vocc_status join_leaves(const vocc_allocator *allocator, flood *f,
     memcpy(lower, f->tree->lower, sizeof lower);
     memcpy(upper, f->tree->upper, sizeof upper);
     join_top(&s, 0, 0, lower, upper, 1);
-    status = vocc_jobs_run(allocator, threads, s.count, join_subtree, &s,
-                           f->ticker);
+    status =
+        vocc_jobs_run(allocator, threads, s.count, join_subtree, &s, f->ticker);
     if (status == VOCC_OK) {
         join_top(&s, 0, 0, lower, upper, 0);
         status = f->cancelled ? VOCC_ERROR_CANCELLED : VOCC_OK;
@@ -351,8 +351,8 @@ static vocc_status seed_groups(const vocc_allocator *allocator, const flood *f,
         status = seed_leaf(allocator, f, solids, g->largest, 2 * (uint32_t)i,
                            regions, &seed, &g->region);
         if (status == VOCC_OK && g->region >= 0) {
-            status = seed_leaf(allocator, f, solids, other,
-                               2 * (uint32_t)i + 1, regions, &seed, &check);
+            status = seed_leaf(allocator, f, solids, other, 2 * (uint32_t)i + 1,
+                               regions, &seed, &check);
             /* A leaf too thin for a seed cannot check; a different answer
              * makes the group useless, not wrong. */
             if (status == VOCC_OK && check >= 0 && check != g->region)
@@ -446,8 +446,8 @@ static vocc_status classify(const vocc_allocator *allocator, flood *f,
         groups = make_groups(allocator, f, &group_count);
         if (!groups)
             return VOCC_ERROR_OUT_OF_MEMORY;
-        status = seed_groups(allocator, f, solids, groups, group_count,
-                             regions, &out->seed_rays);
+        status = seed_groups(allocator, f, solids, groups, group_count, regions,
+                             &out->seed_rays);
     }
     out->groups = group_count;
     if (status == VOCC_OK)
@@ -479,8 +479,8 @@ vocc_status vocc_classify(const vocc_allocator *allocator, vocc_tree *tree,
     memset(out, 0, sizeof *out);
     f.tree = tree;
     f.ticker = ticker;
-    status = classify(allocator, &f, solids, solid_count, threads, regions,
-                      out);
+    status =
+        classify(allocator, &f, solids, solid_count, threads, regions, out);
     vocc_release(allocator, f.empties);
     f.work = 0;
     if (status == VOCC_OK)

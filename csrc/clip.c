@@ -43,8 +43,7 @@ static void cut(const polygon *in, int axis, double plane, double sign,
         if ((da < 0.0 && db > 0.0) || (da > 0.0 && db < 0.0)) {
             /* From the end inside, so that both windings cut alike. */
             const double *from = da < 0.0 ? a : b, *to = da < 0.0 ? b : a;
-            const double s =
-                (plane - from[axis]) / (to[axis] - from[axis]);
+            const double s = (plane - from[axis]) / (to[axis] - from[axis]);
             for (k = 0; k < 3; k++)
                 out->p[n][k] = from[k] + s * (to[k] - from[k]);
             out->p[n][axis] = plane;

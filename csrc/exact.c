@@ -41,8 +41,8 @@ static int expansion_sum(const double *e, int m, const double *f, int n,
     double q = 0.0, error;
     while (i < m || j < n) {
         double next;
-        if (j == n ||
-            (i < m && (e[i] < 0.0 ? -e[i] : e[i]) < (f[j] < 0.0 ? -f[j] : f[j])))
+        if (j == n || (i < m && (e[i] < 0.0 ? -e[i] : e[i]) <
+                                    (f[j] < 0.0 ? -f[j] : f[j])))
             next = e[i++];
         else
             next = f[j++];

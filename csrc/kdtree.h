@@ -48,7 +48,7 @@ typedef struct vocc_opaque {
 
 typedef struct vocc_tree {
     vocc_node *nodes;
-    size_t node_count; /* with the unused node 1 */
+    size_t node_count;    /* with the unused node 1 */
     uint32_t *references; /* triangles of the leaves */
     size_t reference_count;
     float *corners; /* 9 a triangle, in the order of first reference, and 1 */
@@ -57,7 +57,7 @@ typedef struct vocc_tree {
     vocc_opaque *opaque; /* leaf -> bounds table of the volumetric occluders */
     size_t opaque_count;
     float lower[3], upper[3]; /* of all triangles; lower > upper if none */
-    float scale; /* largest |coordinate| of a triangle */
+    float scale;              /* largest |coordinate| of a triangle */
     int depth;
 } vocc_tree;
 
@@ -89,8 +89,9 @@ VOCC_INLINE uint32_t vocc_leaf_count(vocc_node leaf)
 /* Region of an empty leaf that is CLEAR or OPAQUE. */
 VOCC_INLINE int32_t vocc_leaf_region(const vocc_tree *tree, vocc_node leaf)
 {
-    return vocc_label_of(leaf) == VOCC_OPAQUE ? tree->opaque[leaf.at.first].region
-                                              : 0;
+    return vocc_label_of(leaf) == VOCC_OPAQUE
+               ? tree->opaque[leaf.at.first].region
+               : 0;
 }
 
 VOCC_INTERNAL void vocc_tree_free(const vocc_allocator *allocator,

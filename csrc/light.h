@@ -25,8 +25,8 @@ VOCC_INLINE void vocc_light_point(const vocc_light *light, float a, float b,
 {
     int k;
     for (k = 0; k < 3; k++)
-        point[k] = (light->corner[k] + a * light->edge_u[k]) +
-                   b * light->edge_v[k];
+        point[k] =
+            (light->corner[k] + a * light->edge_u[k]) + b * light->edge_v[k];
 }
 
 /* The region that every ray from a point with |coordinates| up to reach[] to

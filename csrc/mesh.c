@@ -171,8 +171,8 @@ void vocc_mesh_free(const vocc_allocator *allocator, vocc_mesh *mesh)
     mesh->triangles = NULL;
 }
 
-void vocc_mesh_vertex(const vocc_mesh *mesh, uint32_t i,
-                      const double origin[3], float out[3])
+void vocc_mesh_vertex(const vocc_mesh *mesh, uint32_t i, const double origin[3],
+                      float out[3])
 {
     int k;
     for (k = 0; k < 3; k++) {
@@ -193,10 +193,10 @@ typedef struct work {
     uint32_t *table;   /* hash table of vertices; NONE: free */
     size_t table_size; /* a power of two */
     size_t weld_count;
-    size_t *start;   /* of the half-edges of a welded vertex; count + 1 */
-    uint64_t *edges; /* other vertex << 32 | 3 * triangle + corner */
+    size_t *start;    /* of the half-edges of a welded vertex; count + 1 */
+    uint64_t *edges;  /* other vertex << 32 | 3 * triangle + corner */
     uint32_t *parent; /* union-find over triangles */
-    uint8_t *bad;    /* triangle with two equal corners: no edges */
+    uint8_t *bad;     /* triangle with two equal corners: no edges */
 } work;
 
 #define NONE UINT32_MAX
@@ -228,8 +228,8 @@ static int weld(work *w)
         float *p = w->position + 3 * (size_t)v;
         size_t slot;
         if ((i & 0xFFFF) == 0 &&
-            vocc_tick(w->ticker, 0.4 * (double)i /
-                                     (double)(3 * mesh->triangle_count)))
+            vocc_tick(w->ticker,
+                      0.4 * (double)i / (double)(3 * mesh->triangle_count)))
             return 0;
         if (w->welded[v] != NONE)
             continue;
@@ -324,8 +324,8 @@ static int for_each_edge(work *w, vocc_analysis *out, edge_fn visit,
     size_t i, first, last;
     for (i = 0; i < w->weld_count; i++) {
         if ((i & 0x3FFF) == 0 &&
-            vocc_tick(w->ticker, from + (to - from) * (double)i /
-                                            (double)w->weld_count))
+            vocc_tick(w->ticker,
+                      from + (to - from) * (double)i / (double)w->weld_count))
             return 0;
         for (first = w->start[i]; first < w->start[i + 1]; first = last) {
             last = first + 1;
@@ -394,10 +394,9 @@ static void count_open_edge(work *w, vocc_analysis *out, uint32_t from,
 static void measure(work *w, vocc_analysis *out)
 {
     const vocc_mesh *mesh = w->mesh;
-    const float *p0 =
-        mesh->triangle_count
-            ? w->position + 3 * (size_t)mesh->triangles[0]
-            : NULL;
+    const float *p0 = mesh->triangle_count
+                          ? w->position + 3 * (size_t)mesh->triangles[0]
+                          : NULL;
     size_t i;
     int j, k;
     for (i = 0; i < mesh->triangle_count; i++) {
@@ -406,8 +405,8 @@ static void measure(work *w, vocc_analysis *out)
         for (j = 0; j < 3; j++)
             for (k = 0; k < 3; k++)
                 p[j][k] =
-                    (double)w->position[3 * (size_t)mesh->triangles
-                                                [3 * i + (size_t)j] +
+                    (double)w->position[3 * (size_t)mesh
+                                                ->triangles[3 * i + (size_t)j] +
                                         (size_t)k] -
                     (double)p0[k];
         for (k = 0; k < 3; k++) {
@@ -515,8 +514,8 @@ static vocc_status analyse(const vocc_allocator *allocator, work *w,
 
     if (!for_each_edge(w, out, count_open_edge, 0.7, 0.8))
         return VOCC_ERROR_CANCELLED;
-    out->open_edges = vocc_allocate(allocator, out->open_edge_count,
-                                    sizeof *out->open_edges);
+    out->open_edges =
+        vocc_allocate(allocator, out->open_edge_count, sizeof *out->open_edges);
     if (!out->open_edges)
         return VOCC_ERROR_OUT_OF_MEMORY;
     out->open_edge_count = 0;

@@ -22,11 +22,10 @@ typedef struct vocc_mesh {
 
 /* Copies and checks the arrays of vocc_scene_add_mesh into *mesh.  On failure
  * *mesh holds nothing. */
-VOCC_INTERNAL vocc_status
-vocc_mesh_init(const vocc_allocator *allocator, vocc_mesh *mesh,
-               size_t vertex_count, vocc_array vertices, size_t triangle_count,
-               vocc_array triangles, const vocc_mesh_options *options,
-               vocc_error *error);
+VOCC_INTERNAL vocc_status vocc_mesh_init(
+    const vocc_allocator *allocator, vocc_mesh *mesh, size_t vertex_count,
+    vocc_array vertices, size_t triangle_count, vocc_array triangles,
+    const vocc_mesh_options *options, vocc_error *error);
 VOCC_INTERNAL void vocc_mesh_free(const vocc_allocator *allocator,
                                   vocc_mesh *mesh);
 

@@ -9,7 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-/* ---- what all queries share ------------------------------------------------ */
+/* ---- what all queries share ------------------------------------------------
+ */
 
 void vocc_query_options_init(vocc_query_options *options)
 {
@@ -28,23 +29,20 @@ static vocc_status check_range(vocc_error *error, const char *argument,
 {
     if (value >= low && value <= high)
         return VOCC_OK;
-    return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1,
-                     (double)value,
-                     "%s is %" PRId32 ": it has to be from %" PRId32
-                     " to %" PRId32,
-                     argument, value, low, high);
+    return vocc_fail(
+        error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1, (double)value,
+        "%s is %" PRId32 ": it has to be from %" PRId32 " to %" PRId32,
+        argument, value, low, high);
 }
 
-static vocc_status check_options(const vocc_query_options *o,
-                                 vocc_error *error)
+static vocc_status check_options(const vocc_query_options *o, vocc_error *error)
 {
     vocc_status s;
     if (o->size != sizeof *o)
-        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1,
-                         (double)o->size,
-                         "options: size is %" PRIu32
-                         ", not sizeof(vocc_query_options)",
-                         o->size);
+        return vocc_fail(
+            error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1, (double)o->size,
+            "options: size is %" PRIu32 ", not sizeof(vocc_query_options)",
+            o->size);
     s = check_range(error, "order", o->order, VOCC_ORDER_AUTO,
                     VOCC_ORDER_QDBFS);
     if (s == VOCC_OK)
@@ -111,9 +109,8 @@ vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
     query->worker_count = 0;
     while (query->worker_count < query->options.threads) {
         vocc_worker *w = &query->workers[query->worker_count++];
-        w->tracer =
-            vocc_tracer_create(&scene->allocator, &scene->built.tree,
-                               &query->options, query->kernels);
+        w->tracer = vocc_tracer_create(&scene->allocator, &scene->built.tree,
+                                       &query->options, query->kernels);
         w->block = vocc_allocate(&scene->allocator, 1, sizeof *w->block);
         if (!w->tracer || !w->block) {
             free_workers(query);
@@ -158,7 +155,8 @@ vocc_status vocc_query_end(vocc_query *query, vocc_status status,
     return status == VOCC_OK ? VOCC_OK : vocc_fail_plain(error, status);
 }
 
-/* ---- rays -------------------------------------------------------------------- */
+/* ---- rays
+ * -------------------------------------------------------------------- */
 
 /* Rays a job: some milliseconds. */
 enum { JOB_RAYS = 16 * VOCC_BLOCK };
@@ -189,8 +187,7 @@ static vocc_status check_rays(const vocc_rays *rays, vocc_error *error)
 static void load_vectors(vocc_array array, const double origin[3], size_t first,
                          size_t count, float *x, float *y, float *z)
 {
-    const int moved =
-        origin[0] != 0.0 || origin[1] != 0.0 || origin[2] != 0.0;
+    const int moved = origin[0] != 0.0 || origin[1] != 0.0 || origin[2] != 0.0;
     size_t i;
     if (array.type == VOCC_FLOAT32 && !moved) {
         const char *row = vocc_row(&array, first);
@@ -214,8 +211,8 @@ static void load_scalars(vocc_array array, float none, size_t first,
 {
     size_t i;
     for (i = 0; i < count; i++)
-        out[i] = array.data ? (float)vocc_get_float(&array, first + i, 0)
-                            : none;
+        out[i] =
+            array.data ? (float)vocc_get_float(&array, first + i, 0) : none;
 }
 
 static void load_block(const ray_query *q, size_t first, vocc_block *block)
@@ -229,8 +226,7 @@ static void load_block(const ray_query *q, size_t first, vocc_block *block)
     load_scalars(q->rays->tmin, 0.0f, first, block->count, block->tmin);
     load_scalars(q->rays->tmax, INFINITY, first, block->count, block->tmax);
     for (i = 0; i < block->count; i++)
-        block->end_region[i] =
-            block->tmax[i] > FLT_MAX ? 0 : VOCC_END_UNKNOWN;
+        block->end_region[i] = block->tmax[i] > FLT_MAX ? 0 : VOCC_END_UNKNOWN;
 }
 
 static void store_hits(const ray_query *q, size_t first,
@@ -329,7 +325,8 @@ vocc_status vocc_occluded(const vocc_scene *scene, const vocc_rays *rays,
     return run_rays(scene, &q, options, error);
 }
 
-/* ---- regions of points --------------------------------------------------------- */
+/* ---- regions of points
+ * --------------------------------------------------------- */
 
 enum {
     JOB_POINTS = 1024,
@@ -368,8 +365,8 @@ static vocc_status find_region(point_query *q, size_t i, vocc_seed *seed)
                             0, seed)) {
     case VOCC_SEED_OK:
         vocc_mutex_lock(scene->built.regions_mutex);
-        q->region[i] = vocc_regions_find(scene->built.regions, seed->set,
-                                         seed->set_count);
+        q->region[i] =
+            vocc_regions_find(scene->built.regions, seed->set, seed->set_count);
         vocc_mutex_unlock(scene->built.regions_mutex);
         if (q->region[i] < 0)
             q->region[i] = NEW_REGION;

@@ -26,8 +26,8 @@ static int same_set(const vocc_regions *regions, int32_t id,
 {
     const size_t first = regions->start[id];
     return regions->start[id + 1] - first == count &&
-           (count == 0 || memcmp(regions->windings + first, set,
-                                 count * sizeof *set) == 0);
+           (count == 0 ||
+            memcmp(regions->windings + first, set, count * sizeof *set) == 0);
 }
 
 /* The slot of the set, or the free one where it belongs. */
@@ -84,9 +84,8 @@ int32_t vocc_regions_find(const vocc_regions *regions, const vocc_winding *set,
     return regions->table[slot_of(regions, set, count)];
 }
 
-int32_t vocc_regions_add(const vocc_allocator *allocator,
-                         vocc_regions *regions, const vocc_winding *set,
-                         size_t count)
+int32_t vocc_regions_add(const vocc_allocator *allocator, vocc_regions *regions,
+                         const vocc_winding *set, size_t count)
 {
     void *windings = regions->windings, *start = regions->start;
     size_t slot;
@@ -118,7 +117,8 @@ int32_t vocc_regions_add(const vocc_allocator *allocator,
     return (int32_t)regions->count++;
 }
 
-/* ---- seed rays ------------------------------------------------------------ */
+/* ---- seed rays ------------------------------------------------------------
+ */
 
 void vocc_seed_free(const vocc_allocator *allocator, vocc_seed *seed)
 {
@@ -199,8 +199,7 @@ static int sum_up(shot *s)
         /* Leaves mention a triangle more than once. */
         if (i > 0 && h == seed->hits[i - 1])
             continue;
-        if (!count_crossing(s, s->solids->of_triangle[h >> 1],
-                            h & 1 ? 1 : -1))
+        if (!count_crossing(s, s->solids->of_triangle[h >> 1], h & 1 ? 1 : -1))
             return 0;
     }
     for (i = 0; i < seed->set_count; i++) {
@@ -249,8 +248,8 @@ vocc_seed_result vocc_seed_shoot(const vocc_allocator *allocator,
         seed->set_count = 0;
         seed->rays++;
         random_direction(stream, attempt, s.dir);
-        result = vocc_walk(tree, s.org, s.dir, 0.0, (double)INFINITY, collect,
-                           &s);
+        result =
+            vocc_walk(tree, s.org, s.dir, 0.0, (double)INFINITY, collect, &s);
         if (result == ON_SURFACE)
             return VOCC_SEED_ON_SURFACE;
         if (result == NO_MEMORY)

@@ -54,7 +54,7 @@ typedef struct vocc_seed {
     size_t hit_count, hit_capacity;
     vocc_winding *set; /* the answer */
     size_t set_count, set_capacity;
-    uint64_t rays;     /* shot so far */
+    uint64_t rays; /* shot so far */
 } vocc_seed;
 
 VOCC_INTERNAL void vocc_seed_free(const vocc_allocator *allocator,

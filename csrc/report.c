@@ -26,8 +26,8 @@ static vocc_status check_size(uint32_t size, size_t wanted, vocc_error *error)
     if (size == wanted)
         return VOCC_OK;
     return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "report", -1,
-                     (double)size, "report: size is %" PRIu32 ", not %zu",
-                     size, wanted);
+                     (double)size, "report: size is %" PRIu32 ", not %zu", size,
+                     wanted);
 }
 
 static vocc_status check_number(const char *argument, int64_t value,
@@ -59,8 +59,8 @@ vocc_status vocc_scene_mesh_report(const vocc_scene *scene, int32_t geom_id,
     if (status == VOCC_OK)
         status = check_size(report->size, sizeof *report, error);
     if (status == VOCC_OK)
-        status = check_number("geom_id", geom_id, (int64_t)scene->mesh_count,
-                              error);
+        status =
+            check_number("geom_id", geom_id, (int64_t)scene->mesh_count, error);
     if (status == VOCC_OK)
         *report = scene->built.analyses[geom_id].report;
     return status;
@@ -83,8 +83,9 @@ vocc_status vocc_scene_component_report(const vocc_scene *scene,
     while (component >= scene->built.analyses[m].report.first_component +
                             scene->built.analyses[m].report.component_count)
         m++;
-    *report = scene->built.analyses[m].components
-                  [component - scene->built.analyses[m].report.first_component];
+    *report = scene->built.analyses[m]
+                  .components[component -
+                              scene->built.analyses[m].report.first_component];
     return VOCC_OK;
 }
 
@@ -98,8 +99,8 @@ vocc_status vocc_scene_open_edges(const vocc_scene *scene, int32_t geom_id,
     if (status == VOCC_OK && capacity && !edges)
         status = check(scene, edges, "edges", error);
     if (status == VOCC_OK)
-        status = check_number("geom_id", geom_id, (int64_t)scene->mesh_count,
-                              error);
+        status =
+            check_number("geom_id", geom_id, (int64_t)scene->mesh_count, error);
     if (status != VOCC_OK)
         return status;
     x = &scene->built.analyses[geom_id];
@@ -188,8 +189,7 @@ vocc_status vocc_scene_leaves(const vocc_scene *scene, size_t capacity,
 }
 
 vocc_status vocc_scene_references(const vocc_scene *scene, uint64_t first,
-                                  size_t count, int32_t *ids,
-                                  vocc_error *error)
+                                  size_t count, int32_t *ids, vocc_error *error)
 {
     const vocc_tree *tree;
     size_t i;
@@ -204,11 +204,10 @@ vocc_status vocc_scene_references(const vocc_scene *scene, uint64_t first,
                          "first is %" PRIu64 ": there are %zu references",
                          first, tree->reference_count);
     if (count > tree->reference_count - first)
-        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "count", -1,
-                         (double)count,
-                         "count is %zu: there are %zu references from %" PRIu64
-                         " on",
-                         count, tree->reference_count - (size_t)first, first);
+        return vocc_fail(
+            error, VOCC_ERROR_INVALID_ARGUMENT, "count", -1, (double)count,
+            "count is %zu: there are %zu references from %" PRIu64 " on", count,
+            tree->reference_count - (size_t)first, first);
     if (count) {
         status = check(scene, ids, "ids", error);
         if (status != VOCC_OK)

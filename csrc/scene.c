@@ -9,7 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-/* ---- create, add, free ---------------------------------------------------- */
+/* ---- create, add, free ----------------------------------------------------
+ */
 
 vocc_status vocc_scene_create(const vocc_allocator *allocator,
                               vocc_scene **scene, vocc_error *error)
@@ -121,7 +122,8 @@ vocc_status vocc_scene_add_mesh(vocc_scene *scene, size_t vertex_count,
     return VOCC_OK;
 }
 
-/* ---- build ------------------------------------------------------------------ */
+/* ---- build ------------------------------------------------------------------
+ */
 
 void vocc_build_options_init(vocc_build_options *options)
 {
@@ -148,19 +150,17 @@ static vocc_status check_build_options(const vocc_build_options *o,
 {
     vocc_status s;
     if (o->size != sizeof *o)
-        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1,
-                         (double)o->size,
-                         "options: size is %" PRIu32
-                         ", not sizeof(vocc_build_options)",
-                         o->size);
+        return vocc_fail(
+            error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1, (double)o->size,
+            "options: size is %" PRIu32 ", not sizeof(vocc_build_options)",
+            o->size);
     s = check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
     if (s == VOCC_OK)
         s = check_range(error, "traversal_cost", (double)o->traversal_cost,
                         (double)1e-6f, 1e6);
     if (s == VOCC_OK)
         s = check_range(error, "intersection_cost",
-                        (double)o->intersection_cost, (double)1e-6f,
-                        1e6);
+                        (double)o->intersection_cost, (double)1e-6f, 1e6);
     if (s == VOCC_OK)
         s = check_range(error, "empty_bonus", (double)o->empty_bonus, 0, 1);
     if (s == VOCC_OK)
@@ -212,7 +212,8 @@ static void find_origin(const vocc_scene *scene, double origin[3])
     (void)frexp(extent, &exponent);
     grid = ldexp(1.0, exponent - 10);
     for (k = 0; k < 3; k++)
-        origin[k] = floor((0.5 * lower[k] + 0.5 * upper[k]) / grid + 0.5) * grid;
+        origin[k] =
+            floor((0.5 * lower[k] + 0.5 * upper[k]) / grid + 0.5) * grid;
 }
 
 /* Nine floats a triangle, of all meshes. */
@@ -248,11 +249,9 @@ static vocc_status analyse_meshes(const vocc_scene *scene, vocc_built *built,
     for (m = 0; m < scene->mesh_count; m++) {
         vocc_analysis *x = &built->analyses[m];
         vocc_status status;
-        vocc_ticker_stage(ticker,
-                          0.15 * (double)m / (double)scene->mesh_count,
+        vocc_ticker_stage(ticker, 0.15 * (double)m / (double)scene->mesh_count,
                           0.15 * (double)(m + 1) / (double)scene->mesh_count);
-        status =
-            vocc_analyse(a, &scene->meshes[m], built->origin, x, ticker);
+        status = vocc_analyse(a, &scene->meshes[m], built->origin, x, ticker);
         if (status != VOCC_OK)
             return status;
         built->analysis_count = m + 1;
@@ -309,16 +308,15 @@ static size_t mesh_of(const uint32_t *first, size_t count, uint32_t id)
 static vocc_status name_solids(const vocc_scene *scene, vocc_built *built)
 {
     const vocc_allocator *a = &scene->allocator;
-    int32_t *solid_of =
-        vocc_allocate(a, (size_t)built->report.component_count,
-                      sizeof *solid_of);
+    int32_t *solid_of = vocc_allocate(a, (size_t)built->report.component_count,
+                                      sizeof *solid_of);
     size_t m, i, solids = 0;
     built->solid_component =
         vocc_allocate(a, built->solid_count, sizeof *built->solid_component);
     built->solid_consistent =
         vocc_allocate(a, built->solid_count, sizeof *built->solid_consistent);
-    built->solid_of_triangle = vocc_allocate(
-        a, built->tree.triangle_count, sizeof *built->solid_of_triangle);
+    built->solid_of_triangle = vocc_allocate(a, built->tree.triangle_count,
+                                             sizeof *built->solid_of_triangle);
     if (!solid_of || !built->solid_component || !built->solid_consistent ||
         !built->solid_of_triangle) {
         vocc_release(a, solid_of);
@@ -411,12 +409,12 @@ static void fill_report(const vocc_scene *scene, vocc_built *built,
     r->opaque_volume_fraction = volume > 0.0 ? c->opaque_volume / volume : 0.0;
     r->occluder_area = c->opaque_area;
     r->mesh_area = area_of_solids(built);
-    r->tree_bytes = t->node_count * sizeof *t->nodes +
-                    t->reference_count * sizeof *t->references +
-                    t->triangle_count * (9 * sizeof *t->corners +
-                                         sizeof *t->ids +
-                                         sizeof *built->solid_of_triangle) +
-                    t->opaque_count * sizeof *t->opaque;
+    r->tree_bytes =
+        t->node_count * sizeof *t->nodes +
+        t->reference_count * sizeof *t->references +
+        t->triangle_count * (9 * sizeof *t->corners + sizeof *t->ids +
+                             sizeof *built->solid_of_triangle) +
+        t->opaque_count * sizeof *t->opaque;
     choose_order(built);
 }
 

@@ -48,8 +48,8 @@ static void load_tile(const shadow *s, size_t job, tile *t)
     size_t i;
     int k;
     t->first = job * JOB_POINTS;
-    t->count = s->count - t->first < JOB_POINTS ? s->count - t->first
-                                                : JOB_POINTS;
+    t->count =
+        s->count - t->first < JOB_POINTS ? s->count - t->first : JOB_POINTS;
     t->reach[0] = t->reach[1] = t->reach[2] = 0.0;
     for (i = 0; i < t->count; i++) {
         t->usable[i] = 1;
@@ -97,8 +97,7 @@ static vocc_status light_tile(shadow *s, const vocc_worker *w, int worker,
                               vocc_jobs *jobs)
 {
     const vocc_light *light = &s->lights[l];
-    const int32_t end =
-        vocc_light_region(light, w->tracer->tree, t->reach);
+    const int32_t end = vocc_light_region(light, w->tracer->tree, t->reach);
     uint16_t *visible = s->visible + l * s->count + t->first;
     vocc_block *block = w->block;
     uint32_t sample, polled = 0;
@@ -179,8 +178,7 @@ static vocc_status check_shadow(const shadow *s, const vocc_rect_light *lights,
                          samples, VOCC_NOT_TRACED - 1);
     if (s->light_count &&
         s->count > SIZE_MAX / sizeof(uint16_t) / s->light_count)
-        return vocc_fail(error, VOCC_ERROR_LIMIT, "count", -1,
-                         (double)s->count,
+        return vocc_fail(error, VOCC_ERROR_LIMIT, "count", -1, (double)s->count,
                          "count is %zu: too much for %zu lights", s->count,
                          s->light_count);
     if (!s->visible && s->light_count && s->count)
@@ -189,11 +187,13 @@ static vocc_status check_shadow(const shadow *s, const vocc_rect_light *lights,
     return VOCC_OK;
 }
 
-vocc_status vocc_light_visibility(
-    const vocc_scene *scene, size_t count, vocc_array points,
-    vocc_array normals, vocc_array point_ids, size_t light_count,
-    const vocc_rect_light *lights, int32_t samples, uint16_t *visible,
-    const vocc_query_options *options, vocc_error *error)
+vocc_status vocc_light_visibility(const vocc_scene *scene, size_t count,
+                                  vocc_array points, vocc_array normals,
+                                  vocc_array point_ids, size_t light_count,
+                                  const vocc_rect_light *lights,
+                                  int32_t samples, uint16_t *visible,
+                                  const vocc_query_options *options,
+                                  vocc_error *error)
 {
     const size_t jobs = count / JOB_POINTS + (count % JOB_POINTS != 0);
     shadow s;
@@ -215,8 +215,8 @@ vocc_status vocc_light_visibility(
         return status;
     s.strata = vocc_make_strata((uint32_t)samples);
     moved = vocc_allocate(&scene->allocator, light_count, sizeof *moved);
-    s.order = vocc_allocate(&scene->allocator, (size_t)samples,
-                            sizeof *s.order);
+    s.order =
+        vocc_allocate(&scene->allocator, (size_t)samples, sizeof *s.order);
     if (!moved || !s.order)
         status = VOCC_ERROR_OUT_OF_MEMORY;
     for (l = 0; status == VOCC_OK && l < light_count; l++)

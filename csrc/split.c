@@ -57,8 +57,8 @@ static double cost_of(const vocc_sah *sah, const shape *s, int axis, double pos,
     const double low = s->face[axis] + s->rim[axis] * (pos - s->lower[axis]),
                  high = s->face[axis] + s->rim[axis] * (s->upper[axis] - pos);
     const double cost =
-        sah->traversal_cost +
-        s->scale * (low * (double)(int64_t)below + high * (double)(int64_t)above);
+        sah->traversal_cost + s->scale * (low * (double)(int64_t)below +
+                                          high * (double)(int64_t)above);
     return below == 0 || above == 0 ? cost * (1.0 - sah->empty_bonus) : cost;
 }
 

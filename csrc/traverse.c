@@ -73,7 +73,8 @@ int vocc_is_void(const vocc_block *block, size_t ray)
     return largest == 0.0f || !(block->tmin[ray] < block->tmax[ray]);
 }
 
-/* ---- the careful ray ------------------------------------------------------ */
+/* ---- the careful ray ------------------------------------------------------
+ */
 
 typedef struct careful {
     const vocc_tree *tree;
@@ -135,13 +136,13 @@ void vocc_trace_careful(vocc_tracer *tracer, vocc_block *block, size_t ray,
         block->v[ray] = c.v;
         block->triangle[ray] = c.id;
     } else {
-        block->occluded[ray] =
-            (uint8_t)vocc_walk(c.tree, c.org, c.dir, (double)c.tmin,
-                               (double)c.tmax, any_hit, &c);
+        block->occluded[ray] = (uint8_t)vocc_walk(
+            c.tree, c.org, c.dir, (double)c.tmin, (double)c.tmax, any_hit, &c);
     }
 }
 
-/* ---- ends ------------------------------------------------------------------- */
+/* ---- ends -------------------------------------------------------------------
+ */
 
 int32_t vocc_certify_end(const vocc_tree *tree, const vocc_block *block,
                          size_t ray)
@@ -164,7 +165,8 @@ int32_t vocc_certify_end(const vocc_tree *tree, const vocc_block *block,
                                                    : VOCC_END_UNCERTIFIED;
 }
 
-/* ---- the occluder cache ------------------------------------------------------ */
+/* ---- the occluder cache
+ * ------------------------------------------------------ */
 
 void vocc_cache_insert(vocc_occluder_cache *cache, const vocc_opaque *occluder)
 {

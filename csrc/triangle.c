@@ -35,8 +35,7 @@ static int compare_t(double num, double num_bound, double det, double det_bound,
         num_bound + at * det_bound +
         2.0 * DBL_EPSILON * (vocc_abs(num) + vocc_abs(product));
     const int sign = certain_sign(value, bound);
-    return sign ? sign : vocc_exact_interval(org, dir, corners,
-                                             (double)t);
+    return sign ? sign : vocc_exact_interval(org, dir, corners, (double)t);
 }
 
 /* num / det, known within `relative`, moved so that it rounds to the float32
@@ -123,10 +122,9 @@ int vocc_triangle_test(const float org[3], const float dir[3], float tmin,
             det_bound > accurate * vocc_abs(det))
             vocc_exact_values(org, dir, corners, &num, &det, &v, &w);
         else if (num != 0.0)
-            relative += 2.0 * (num_bound / vocc_abs(num) +
-                               det_bound / vocc_abs(det));
-        crossing->t =
-            rounding_t(org, dir, corners, side, num, det, relative);
+            relative +=
+                2.0 * (num_bound / vocc_abs(num) + det_bound / vocc_abs(det));
+        crossing->t = rounding_t(org, dir, corners, side, num, det, relative);
         crossing->u = v / det;
         crossing->v = w / det;
         if (crossing->u < 0.0)

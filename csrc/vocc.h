@@ -150,8 +150,9 @@ VOCC_API vocc_status vocc_scene_create(const vocc_allocator *allocator,
 VOCC_API void vocc_scene_free(vocc_scene *scene);
 
 typedef struct vocc_mesh_options {
-    uint32_t size;   /* sizeof(vocc_mesh_options) */
-    int32_t occluder; /* 1: closed parts may hold occluders; 0: triangles only */
+    uint32_t size; /* sizeof(vocc_mesh_options) */
+    int32_t
+        occluder; /* 1: closed parts may hold occluders; 0: triangles only */
     const char *name; /* UTF-8, copied, cut after 63 bytes; NULL: no name */
 } vocc_mesh_options;
 
@@ -166,11 +167,12 @@ VOCC_API void vocc_mesh_options_init(vocc_mesh_options *options);
  * *geom_id gets 0, 1, 2, ... in order of adding; it may be NULL.
  * Fails: INVALID_ARGUMENT (argument, row, value), OUT_OF_MEMORY, LIMIT (more
  * than 2^27 triangles or 2^31 - 1 vertices in the scene), FROZEN. */
-VOCC_API vocc_status
-vocc_scene_add_mesh(vocc_scene *scene, size_t vertex_count, vocc_array vertices,
-                    size_t triangle_count, vocc_array triangles,
-                    const vocc_mesh_options *options, int32_t *geom_id,
-                    vocc_error *error);
+VOCC_API vocc_status vocc_scene_add_mesh(vocc_scene *scene, size_t vertex_count,
+                                         vocc_array vertices,
+                                         size_t triangle_count,
+                                         vocc_array triangles,
+                                         const vocc_mesh_options *options,
+                                         int32_t *geom_id, vocc_error *error);
 
 typedef struct vocc_build_options {
     uint32_t size;           /* sizeof(vocc_build_options) */
@@ -220,19 +222,19 @@ typedef struct vocc_report {
     double lower[3], upper[3]; /* bounds of all triangles */
     uint64_t node_count;       /* interior nodes and leaves */
     uint64_t boundary_leaves, opaque_leaves, clear_leaves;
-    uint64_t unknown_leaves;   /* empty, but too thin for a seed ray: never
-                                  used as occluders */
-    uint64_t reference_count;  /* triangle references in leaves */
+    uint64_t unknown_leaves;  /* empty, but too thin for a seed ray: never
+                                 used as occluders */
+    uint64_t reference_count; /* triangle references in leaves */
     uint64_t seed_rays;
     int32_t depth;
-    int32_t region_count;      /* with 0, the outside */
+    int32_t region_count;          /* with 0, the outside */
     double opaque_volume_fraction; /* of the scene's bounds */
-    double occluder_area;      /* surface of all opaque leaves */
-    double mesh_area;          /* surface of the meshes that hold occluders */
-    uint64_t tree_bytes;       /* nodes, references, triangles, bounds table */
+    double occluder_area;          /* surface of all opaque leaves */
+    double mesh_area;    /* surface of the meshes that hold occluders */
+    uint64_t tree_bytes; /* nodes, references, triangles, bounds table */
     double seconds_components, seconds_build, seconds_classify;
-    int32_t auto_order;        /* the vocc_order that AUTO stands for */
-    int32_t threads;           /* used by the build */
+    int32_t auto_order; /* the vocc_order that AUTO stands for */
+    int32_t threads;    /* used by the build */
 } vocc_report;
 
 VOCC_API vocc_status vocc_scene_report(const vocc_scene *scene,
@@ -244,7 +246,7 @@ typedef struct vocc_mesh_report {
     int32_t occluder;
     char name[64];
     uint64_t triangle_count, vertex_count;
-    uint64_t welded_vertices;    /* distinct positions that triangles use */
+    uint64_t welded_vertices;      /* distinct positions that triangles use */
     uint64_t degenerate_triangles; /* without area */
     int32_t first_component, component_count;
     int32_t closed;              /* 1: every component is closed */
@@ -265,16 +267,17 @@ typedef struct vocc_component_report {
     uint32_t size; /* sizeof(vocc_component_report), set by the caller */
     int32_t geom_id;
     uint64_t triangle_count;
-    uint64_t first_triangle;     /* smallest prim_id in it */
-    int32_t closed;              /* 1: every edge has an even count */
-    int32_t consistent;          /* 1: closed and wound consistently */
+    uint64_t first_triangle; /* smallest prim_id in it */
+    int32_t closed;          /* 1: every edge has an even count */
+    int32_t consistent;      /* 1: closed and wound consistently */
     uint64_t boundary_edges, nonmanifold_edges, inconsistent_edges;
-    double volume;               /* signed; positive: normals point outward */
+    double volume; /* signed; positive: normals point outward */
 } vocc_component_report;
 
-VOCC_API vocc_status vocc_scene_component_report(
-    const vocc_scene *scene, int32_t component, vocc_component_report *report,
-    vocc_error *error);
+VOCC_API vocc_status vocc_scene_component_report(const vocc_scene *scene,
+                                                 int32_t component,
+                                                 vocc_component_report *report,
+                                                 vocc_error *error);
 
 /* Where a mesh is open: its boundary edges (odd number of triangles), each as
  * a prim_id of one of its triangles and the edge's corner there (0: v0v1, 1:
@@ -341,24 +344,24 @@ typedef enum vocc_isa {
 
 /* What a query did.  A packet counts once however many lanes it has. */
 typedef struct vocc_counters {
-    uint64_t rays;            /* traced; those that meet nothing by definition
-                                 (see vocc_rays) are counted, too */
-    uint64_t occluded;        /* blocked rays (vocc_intersect: hits) */
+    uint64_t rays;     /* traced; those that meet nothing by definition
+                          (see vocc_rays) are counted, too */
+    uint64_t occluded; /* blocked rays (vocc_intersect: hits) */
     uint64_t packets;
-    uint64_t node_visits;     /* interior nodes: traversal steps */
-    uint64_t leaf_visits;     /* boundary leaves */
-    uint64_t triangle_tests;  /* packet x triangle */
-    uint64_t active_lanes;    /* sum of live lanes over node_visits */
-    uint64_t exact_tests;     /* ray x triangle settled beyond float32 */
+    uint64_t node_visits;         /* interior nodes: traversal steps */
+    uint64_t leaf_visits;         /* boundary leaves */
+    uint64_t triangle_tests;      /* packet x triangle */
+    uint64_t active_lanes;        /* sum of live lanes over node_visits */
+    uint64_t exact_tests;         /* ray x triangle settled beyond float32 */
     uint64_t occluder_hits_tree;  /* rays blocked by an opaque leaf */
     uint64_t occluder_hits_cache; /* rays blocked by a cached occluder */
-    uint64_t cache_lookups;   /* packet x cached box */
-    uint64_t fallbacks;       /* rays whose end could not be certified when an
-                                 occluder was about to decide */
-    uint64_t deferred;        /* leaves put on the deferment list */
+    uint64_t cache_lookups;       /* packet x cached box */
+    uint64_t fallbacks; /* rays whose end could not be certified when an
+                           occluder was about to decide */
+    uint64_t deferred;  /* leaves put on the deferment list */
     uint64_t queue_pushes, queue_pops;
-    uint64_t careful_rays;    /* traced in double: values outside the range of
-                                 the float kernels */
+    uint64_t careful_rays; /* traced in double: values outside the range of
+                              the float kernels */
 } vocc_counters;
 
 typedef struct vocc_query_options {

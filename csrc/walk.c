@@ -83,7 +83,8 @@ static int walk(walker *w, uint32_t index, double t_near, double t_far)
             continue;
         }
         if (high_t(t) >= t_near) {
-            stop = walk(w, first, t_near, high_t(t) < t_far ? high_t(t) : t_far);
+            stop =
+                walk(w, first, t_near, high_t(t) < t_far ? high_t(t) : t_far);
             if (stop)
                 return stop;
         }
@@ -141,7 +142,8 @@ int vocc_locate(const vocc_tree *tree, const double point[3],
         const vocc_node n = tree->nodes[index];
         const unsigned axis = vocc_axis(n);
         if (vocc_is_leaf(n)) {
-            if (vocc_label_of(n) != VOCC_CLEAR && vocc_label_of(n) != VOCC_OPAQUE)
+            if (vocc_label_of(n) != VOCC_CLEAR &&
+                vocc_label_of(n) != VOCC_OPAQUE)
                 return 0;
             *region = vocc_leaf_region(tree, n);
             break;

@@ -229,10 +229,10 @@ class Scene:
             threads: as in the constructor, for this call. The tree does not depend on it.
             traversal_cost: SAH cost of a traversal step, > 0; default 1.
             intersection_cost: SAH cost of a triangle test, > 0; default 0.65.
-            empty_bonus: share of the cost that an empty child saves, 0 to 1.
+            empty_bonus: share of the cost that an empty child saves, 0 to 1; default 0.2.
             max_leaf_size: leaves with more triangles are split even where the SAH would
                 not, 1 to 2^20; default 64.
-            max_depth: 1 to 60; 0, the default, for 8 + 1.6 log2(triangles).
+            max_depth: 1 to 60; default 0, for 8 + 1.6 log2(triangles).
             bad_refines: splits in a row that the SAH finds too dear but are tried, 0 to 16;
                 default 0.
             strict: a mesh that is not closed is an error, unless it was added with

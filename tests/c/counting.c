@@ -91,7 +91,8 @@ static void deallocate(void *user, void *address)
     counting *memory = user;
     pthread_mutex_lock(&memory->lock);
     size_t slot = slot_of(memory, address);
-    while (memory->blocks[slot].memory && memory->blocks[slot].memory != address)
+    while (memory->blocks[slot].memory &&
+           memory->blocks[slot].memory != address)
         slot = (slot + 1) & memory->mask;
     if (!address || !memory->blocks[slot].memory) {
         memory->faults++;

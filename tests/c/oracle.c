@@ -77,8 +77,8 @@ static void subtract_magnitude(big *out, const big *a, const big *b)
 {
     int64_t borrow = 0;
     for (int i = 0; i < a->n; i++) {
-        int64_t d = (int64_t)a->limb[i] - borrow -
-                    (i < b->n ? (int64_t)b->limb[i] : 0);
+        int64_t d =
+            (int64_t)a->limb[i] - borrow - (i < b->n ? (int64_t)b->limb[i] : 0);
         borrow = d < 0;
         out->limb[i] = (uint32_t)(d + (borrow ? INT64_C(0x100000000) : 0));
     }
@@ -418,11 +418,11 @@ oracle_answer oracle_filter(const oracle_ray *ray, const float a[3],
     if (su == 2 || sv == 2 || sw == 2)
         return ORACLE_UNSURE;
     const bounded num = triple(va, vb, vc);
-    const bounded det = {u.value + v.value + w.value,
-                         u.error + v.error + w.error +
-                             4.0 * DBL_EPSILON *
-                                 (fabs(u.value) + fabs(v.value) +
-                                  fabs(w.value))};
+    const bounded det = {
+        u.value + v.value + w.value,
+        u.error + v.error + w.error +
+            4.0 * DBL_EPSILON *
+                (fabs(u.value) + fabs(v.value) + fabs(w.value))};
     const float limits[2] = {ray->tmin, ray->tmax};
     for (int k = 0; k < 2; k++) {
         const double t = (double)limits[k];
@@ -431,10 +431,10 @@ oracle_answer oracle_filter(const oracle_ray *ray, const float a[3],
                 return ORACLE_MISS;
             continue;
         }
-        const bounded left = {
-            num.value - t * det.value,
-            num.error + fabs(t) * det.error +
-                4.0 * DBL_EPSILON * (fabs(num.value) + fabs(t * det.value))};
+        const bounded left = {num.value - t * det.value,
+                              num.error + fabs(t) * det.error +
+                                  4.0 * DBL_EPSILON *
+                                      (fabs(num.value) + fabs(t * det.value))};
         /* det is certain here, and has the sign of U, V and W. */
         const int sign = certain_sign(left);
         if (sign == 2)

@@ -7,11 +7,11 @@
 #include <string.h>
 
 static const char *const kind_names[RAY_KINDS] = {
-    "random",        "coherent",   "axis-parallel",  "zero component",
-    "through vertex", "through edge", "along edge",  "in plane",
-    "on surface",    "crease",     "end on surface", "end inside",
-    "both inside",   "limits",     "tiny",           "negative tmin",
-    "denormal",      "huge",       "bounds",         "nothing"};
+    "random",         "coherent",     "axis-parallel",  "zero component",
+    "through vertex", "through edge", "along edge",     "in plane",
+    "on surface",     "crease",       "end on surface", "end inside",
+    "both inside",    "limits",       "tiny",           "negative tmin",
+    "denormal",       "huge",         "bounds",         "nothing"};
 
 const char *ray_kind_name(int kind)
 {
@@ -69,8 +69,7 @@ static const mesh *any_triangle(maker *k, size_t *triangle)
 {
     const mesh *m;
     do {
-        m = &k->s->parts[random_below(&k->random,
-                                      (uint32_t)k->s->part_count)]
+        m = &k->s->parts[random_below(&k->random, (uint32_t)k->s->part_count)]
                  .m;
     } while (m->triangle_count == 0);
     *triangle = random_below(&k->random, (uint32_t)m->triangle_count);
@@ -99,8 +98,8 @@ static void point_inside(maker *k, float point[3])
 {
     if (k->s->solid) {
         for (int i = 0; i < 3; i++)
-            point[i] = (float)(k->s->inside[i] +
-                               random_in(&k->random, -0.02, 0.02));
+            point[i] =
+                (float)(k->s->inside[i] + random_in(&k->random, -0.02, 0.02));
     } else {
         any_point(k, 0.0, point);
     }
@@ -204,8 +203,8 @@ static void make_axis(maker *k)
         dir[i] = i == axis ? length : any_zero(k);
     /* From before the bounds, exactly on the grid. */
     if (random_below(&k->random, 4))
-        org[axis] = grid((length > 0 ? k->lower[axis] - 1.0
-                                     : k->upper[axis] + 1.0));
+        org[axis] =
+            grid((length > 0 ? k->lower[axis] - 1.0 : k->upper[axis] + 1.0));
     rays_add(k->set, RAY_AXIS, org, dir, 0.0f,
              random_below(&k->random, 2) ? HUGE_VALF : 1.5f);
 }
@@ -368,7 +367,9 @@ static void make_negative(maker *k)
     const uint32_t end = random_below(&k->random, 3);
     rays_add(k->set, RAY_NEGATIVE, org, dir,
              starts[random_below(&k->random, 5)],
-             end == 0 ? HUGE_VALF : end == 1 ? 0.5f : -0.25f);
+             end == 0   ? HUGE_VALF
+             : end == 1 ? 0.5f
+                        : -0.25f);
 }
 
 static void make_denormal(maker *k)
@@ -489,13 +490,13 @@ static void make_nothing(maker *k)
 void rays_adversarial(ray_set *set, const shape *s, size_t each, uint64_t seed)
 {
     static void (*const make[RAY_KINDS])(maker *) = {
-        make_random,     make_coherent,    make_axis,
-        make_zero_component, make_vertex,  make_edge,
-        make_along_edge, make_in_plane,    make_on_surface,
-        make_crease,     make_end_on_surface, make_end_inside,
-        make_both_inside, make_limits,     make_tiny,
-        make_negative,   make_denormal,    make_huge,
-        make_bounds,     make_nothing};
+        make_random,         make_coherent,       make_axis,
+        make_zero_component, make_vertex,         make_edge,
+        make_along_edge,     make_in_plane,       make_on_surface,
+        make_crease,         make_end_on_surface, make_end_inside,
+        make_both_inside,    make_limits,         make_tiny,
+        make_negative,       make_denormal,       make_huge,
+        make_bounds,         make_nothing};
     maker k;
     k.set = set;
     k.s = s;

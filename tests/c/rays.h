@@ -9,25 +9,25 @@
 
 typedef enum ray_kind {
     RAY_RANDOM,
-    RAY_COHERENT,      /* fans from one origin, four neighbours at a time */
-    RAY_AXIS,          /* parallel to an axis; the zeros have both signs */
+    RAY_COHERENT, /* fans from one origin, four neighbours at a time */
+    RAY_AXIS,     /* parallel to an axis; the zeros have both signs */
     RAY_ZERO_COMPONENT,
-    RAY_VERTEX,        /* exactly through a vertex */
-    RAY_EDGE,          /* exactly through a point of an edge */
-    RAY_ALONG_EDGE,    /* contains an edge */
-    RAY_IN_PLANE,      /* in a triangle's plane */
-    RAY_ON_SURFACE,    /* starts on a vertex, an edge, a triangle */
-    RAY_CREASE,        /* starts a few ulp from a vertex or an edge */
+    RAY_VERTEX,     /* exactly through a vertex */
+    RAY_EDGE,       /* exactly through a point of an edge */
+    RAY_ALONG_EDGE, /* contains an edge */
+    RAY_IN_PLANE,   /* in a triangle's plane */
+    RAY_ON_SURFACE, /* starts on a vertex, an edge, a triangle */
+    RAY_CREASE,     /* starts a few ulp from a vertex or an edge */
     RAY_END_ON_SURFACE,
     RAY_END_INSIDE,
     RAY_BOTH_INSIDE,
-    RAY_LIMITS,        /* tmin or tmax exactly at a hit, or next to it */
-    RAY_TINY,          /* tmax down to the smallest denormal */
-    RAY_NEGATIVE,      /* tmin below 0 or -infinity */
-    RAY_DENORMAL,      /* directions and origins below the normal range */
-    RAY_HUGE,          /* up to the largest float32 */
-    RAY_BOUNDS,        /* in the planes of the bounding box */
-    RAY_NOTHING,       /* NaN, infinity, no length, empty interval */
+    RAY_LIMITS,   /* tmin or tmax exactly at a hit, or next to it */
+    RAY_TINY,     /* tmax down to the smallest denormal */
+    RAY_NEGATIVE, /* tmin below 0 or -infinity */
+    RAY_DENORMAL, /* directions and origins below the normal range */
+    RAY_HUGE,     /* up to the largest float32 */
+    RAY_BOUNDS,   /* in the planes of the bounding box */
+    RAY_NOTHING,  /* NaN, infinity, no length, empty interval */
     RAY_KINDS
 } ray_kind;
 

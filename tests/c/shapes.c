@@ -37,8 +37,8 @@ static void *grown(void *memory, size_t row, size_t *capacity)
 int32_t mesh_vertex(mesh *m, double x, double y, double z)
 {
     if (m->vertex_count == m->vertex_capacity)
-        m->vertices = grown(m->vertices, 3 * sizeof(float),
-                            &m->vertex_capacity);
+        m->vertices =
+            grown(m->vertices, 3 * sizeof(float), &m->vertex_capacity);
     float *v = m->vertices + 3 * m->vertex_count;
     v[0] = (float)x;
     v[1] = (float)y;
@@ -49,8 +49,8 @@ int32_t mesh_vertex(mesh *m, double x, double y, double z)
 void mesh_triangle(mesh *m, int32_t a, int32_t b, int32_t c)
 {
     if (m->triangle_count == m->triangle_capacity)
-        m->triangles = grown(m->triangles, 3 * sizeof(int32_t),
-                             &m->triangle_capacity);
+        m->triangles =
+            grown(m->triangles, 3 * sizeof(int32_t), &m->triangle_capacity);
     int32_t *t = m->triangles + 3 * m->triangle_count++;
     t[0] = a;
     t[1] = b;
@@ -94,8 +94,8 @@ void mesh_flip(mesh *m, size_t first)
 void mesh_snap(mesh *m, double step)
 {
     for (size_t i = 0; i < 3 * m->vertex_count; i++)
-        m->vertices[i] = (float)(step * floor((double)m->vertices[i] / step +
-                                              0.5));
+        m->vertices[i] =
+            (float)(step * floor((double)m->vertices[i] / step + 0.5));
 }
 
 void mesh_bounds(const mesh *m, double lower[3], double upper[3])
@@ -134,8 +134,8 @@ static int32_t midpoint(mesh *m, midpoints *known, size_t first, int32_t a,
     const uint64_t low = (uint64_t)(a < b ? a : b);
     const uint64_t high = (uint64_t)(a < b ? b : a);
     const uint64_t key = (high << 32 | low) + 1; /* 0 is an empty slot */
-    size_t slot = (size_t)((key * UINT64_C(0x9e3779b97f4a7c15)) >> 20) &
-                  known->mask;
+    size_t slot =
+        (size_t)((key * UINT64_C(0x9e3779b97f4a7c15)) >> 20) & known->mask;
     while (known->keys[slot]) {
         if (known->keys[slot] == key)
             return known->values[slot];
@@ -242,12 +242,11 @@ void add_box(mesh *m, int n, const double lower[3], const double upper[3])
                         if (*id < 0) {
                             double p[3];
                             for (int c = 0; c < 3; c++)
-                                p[c] = at[c] == n
-                                           ? upper[c]
-                                           : lower[c] + at[c] *
-                                                            (upper[c] -
-                                                             lower[c]) /
-                                                            n;
+                                p[c] =
+                                    at[c] == n
+                                        ? upper[c]
+                                        : lower[c] +
+                                              at[c] * (upper[c] - lower[c]) / n;
                             *id = mesh_vertex(m, p[0], p[1], p[2]);
                         }
                         corner[k] = *id;
@@ -356,9 +355,9 @@ void add_klein_bottle(mesh *m, int n)
             const double v = 2.0 * PI * j / n;
             const double r = 0.7 + 0.3 * (cos(0.5 * u) * sin(v) -
                                           sin(0.5 * u) * sin(2.0 * v));
-            mesh_vertex(m, r * cos(u), r * sin(u),
-                        0.3 * (sin(0.5 * u) * sin(v) +
-                               cos(0.5 * u) * sin(2.0 * v)));
+            mesh_vertex(
+                m, r * cos(u), r * sin(u),
+                0.3 * (sin(0.5 * u) * sin(v) + cos(0.5 * u) * sin(2.0 * v)));
         }
     }
     /* One turn of u maps v to -v: that seam is what makes it one-sided. */
@@ -403,8 +402,7 @@ void add_voxel_ball(mesh *m, int cells, double radius)
                 p[(axis + 1) % 3] += k == 1 || k == 2;
                 p[(axis + 2) % 3] += k >= 2;
                 corner[k] = mesh_vertex(m, p[0] - 0.5 * cells,
-                                        p[1] - 0.5 * cells,
-                                        p[2] - 0.5 * cells);
+                                        p[1] - 0.5 * cells, p[2] - 0.5 * cells);
             }
             const size_t triangle = m->triangle_count;
             mesh_triangle(m, corner[0], corner[1], corner[2]);

@@ -57,7 +57,6 @@ void test_note(const char *format, ...)
 #endif
     ;
 
-
 /* Adds to the number of answers that the running test compared. */
 void test_compared(uint64_t answers);
 

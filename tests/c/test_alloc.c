@@ -13,8 +13,8 @@
 /* More than any call here needs; a loop that ends there has not converged. */
 #define MOST_ALLOCATIONS 20000
 
-static void check_refused(int line, vocc_status status,
-                          const vocc_error *error, uint64_t k)
+static void check_refused(int line, vocc_status status, const vocc_error *error,
+                          uint64_t k)
 {
     if (status != VOCC_ERROR_OUT_OF_MEMORY ||
         error->status != VOCC_ERROR_OUT_OF_MEMORY || !error->message[0])

@@ -262,10 +262,10 @@ static void add_mesh_indices(void)
             i64[k] = corner_triangles[k];
             u64[k] = (uint64_t)corner_triangles[k];
         }
-        static const int64_t bad[] = {4,         -1,        INT32_MAX,
-                                      INT32_MIN, INT64_MAX, INT64_MIN,
-                                      INT64_C(1) << 32, (INT64_C(1) << 32) + 1,
-                                      UINT32_MAX};
+        static const int64_t bad[] = {
+            4,         -1,        INT32_MAX,        INT32_MIN,
+            INT64_MAX, INT64_MIN, INT64_C(1) << 32, (INT64_C(1) << 32) + 1,
+            UINT32_MAX};
         for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++) {
             if (bad[i] >= INT32_MIN && bad[i] <= INT32_MAX) {
                 i32[at] = (int32_t)bad[i];
@@ -576,8 +576,7 @@ static void strict(void)
               VOCC_OK);
     vocc_error error;
     memset(&error, 0, sizeof(error));
-    CHECK_INT(vocc_scene_build(scene, &options, &error),
-              VOCC_ERROR_OPEN_MESH);
+    CHECK_INT(vocc_scene_build(scene, &options, &error), VOCC_ERROR_OPEN_MESH);
     CHECK_INT(error.status, VOCC_ERROR_OPEN_MESH);
     CHECK_INT(error.index, 1);
     CHECK(strlen(error.message) > 8);
@@ -725,9 +724,9 @@ static void capacities(void)
               VOCC_OK);
     CHECK(region > 0);
     int32_t components[2] = {77, 77}, windings[2] = {77, 77};
-    CHECK_INT(vocc_scene_region_info(scene, region, 0, NULL, NULL, &count,
-                                     NULL),
-              VOCC_OK);
+    CHECK_INT(
+        vocc_scene_region_info(scene, region, 0, NULL, NULL, &count, NULL),
+        VOCC_OK);
     CHECK_INT(count, 1);
     CHECK_INT(vocc_scene_region_info(scene, region, 2, components, windings,
                                      &count, NULL),
@@ -737,9 +736,9 @@ static void capacities(void)
     CHECK_INT(windings[0], 1);
     CHECK_INT(components[1], 77);
     CHECK_INT(windings[1], 77);
-    CHECK_INT(vocc_scene_region_info(scene, 0, 2, components, windings, &count,
-                                     NULL),
-              VOCC_OK);
+    CHECK_INT(
+        vocc_scene_region_info(scene, 0, 2, components, windings, &count, NULL),
+        VOCC_OK);
     CHECK_INT(count, 0);
     vocc_scene_free(scene);
 }
@@ -1006,10 +1005,10 @@ static void light_arguments(void)
                                     NULL, NULL, NULL),
               VOCC_OK);
     /* The result would not fit in memory. */
-    EXPECT(vocc_light_visibility(scene, SIZE_MAX / 2, points, normals, none, 4,
-                                 (const vocc_rect_light[4]){light, light, light,
-                                                            light},
-                                 4, out, NULL, &error),
+    EXPECT(vocc_light_visibility(
+               scene, SIZE_MAX / 2, points, normals, none, 4,
+               (const vocc_rect_light[4]){light, light, light, light}, 4, out,
+               NULL, &error),
            VOCC_ERROR_LIMIT, "count", -1, (double)(SIZE_MAX / 2));
     vocc_scene_free(scene);
 }
@@ -1088,10 +1087,9 @@ static void check_empty(vocc_scene *scene, int meshes)
     uint16_t visible[2] = {9, 9};
     vocc_array none;
     memset(&none, 0, sizeof(none));
-    CHECK_STATUS(vocc_light_visibility(scene, 2, rays.org,
-                                       rows_of(two_dir + 3, 0, VOCC_FLOAT32),
-                                       none, 1, &light, 7, visible, NULL,
-                                       &error),
+    CHECK_STATUS(vocc_light_visibility(
+                     scene, 2, rays.org, rows_of(two_dir + 3, 0, VOCC_FLOAT32),
+                     none, 1, &light, 7, visible, NULL, &error),
                  &error, VOCC_OK);
     CHECK_INT(visible[0], 7);
     CHECK_INT(visible[1], 7);

@@ -56,8 +56,7 @@ static void aim_at_all(ray_set *set, const mesh *m, const float org[3],
                 m->triangles[3 * t + (size_t)((corner + 1) % 3)])
                 continue;
             for (int k = 0; k < 3; k++)
-                middle[k] =
-                    (float)(0.5 * ((double)a[k] + (double)b[k]));
+                middle[k] = (float)(0.5 * ((double)a[k] + (double)b[k]));
             aim(set, RAY_EDGE, org, middle, tmax);
         }
     }

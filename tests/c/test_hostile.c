@@ -136,10 +136,13 @@ static void extents(void)
         const char *name;
         double small, large;
     } sizes[] = {
-        {"1e-38", 1e-38, 1e-38},        {"denormal", 1e-44, 1e-43},
-        {"1e30", 1e30, 1e30},           {"as large as float32", 3.4e38, 3.4e38},
+        {"1e-38", 1e-38, 1e-38},
+        {"denormal", 1e-44, 1e-43},
+        {"1e30", 1e30, 1e30},
+        {"as large as float32", 3.4e38, 3.4e38},
         {"1e-38 beside 1e30", 1e-38, 1e30},
-        {"1 beside 1e30", 1.0, 1e30},   {"denormal beside 1", 1e-44, 1.0},
+        {"1 beside 1e30", 1.0, 1e30},
+        {"denormal beside 1", 1e-44, 1.0},
     };
     for (size_t i = 0; i < sizeof(sizes) / sizeof(sizes[0]); i++) {
         shape s;

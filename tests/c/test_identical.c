@@ -184,7 +184,7 @@ static void build_options(void)
         int32_t max_leaf_size, max_depth, bad_refines;
         float traversal_cost, intersection_cost, empty_bonus;
     } builds[] = {
-        {1, 0, 4, 1.0f, 4.0f, 0.0f},  {1 << 20, 1, 0, 1.0f, 0.5f, 0.5f},
+        {1, 0, 4, 1.0f, 4.0f, 0.0f},   {1 << 20, 1, 0, 1.0f, 0.5f, 0.5f},
         {2, 30, 16, 0.1f, 5.0f, 1.0f}, {16, 6, 0, 4.0f, 0.25f, 0.9f},
         {1, 60, 2, 1e-3f, 1e3f, 0.5f},
     };
@@ -216,8 +216,7 @@ static void build_options(void)
             for (int flags = 0; flags < 8; flags++) {
                 m.occluders = flags & 1;
                 m.packets = flags >> 1 & 1;
-                m.order =
-                    flags & 4 ? VOCC_ORDER_QDBFS : VOCC_ORDER_STANDARD;
+                m.order = flags & 4 ? VOCC_ORDER_QDBFS : VOCC_ORDER_STANDARD;
                 m.cache = 8;
                 m.isa = VOCC_ISA_AUTO;
                 trace(&w, &set, &m, actual, NULL);
@@ -385,11 +384,10 @@ static void far_away(void)
             for (int k = 0; k < 3; k++) {
                 const double x = (double)set.rays[i].org[k];
                 const double moved = x - 0.5 * (lower[k] + upper[k]);
-                if (isfinite(x) && (x + far[k] - far[k] != x ||
-                                    (double)(float)moved != moved))
+                if (isfinite(x) &&
+                    (x + far[k] - far[k] != x || (double)(float)moved != moved))
                     set.rays[i].org[k] = 0.125f;
-                org[3 * i + (size_t)k] =
-                    (double)set.rays[i].org[k] + far[k];
+                org[3 * i + (size_t)k] = (double)set.rays[i].org[k] + far[k];
             }
         }
         const mode baseline = mode_baseline();
@@ -404,10 +402,9 @@ static void far_away(void)
             for (size_t v = 0; v < 3 * m->vertex_count; v++)
                 moved[v] = (double)m->vertices[v] + far[v % 3];
             CHECK_STATUS(
-                vocc_scene_add_mesh(scene, m->vertex_count,
-                                    rows_of(moved, 24, VOCC_FLOAT64),
-                                    m->triangle_count, mesh_triangles(m), NULL,
-                                    NULL, &error),
+                vocc_scene_add_mesh(
+                    scene, m->vertex_count, rows_of(moved, 24, VOCC_FLOAT64),
+                    m->triangle_count, mesh_triangles(m), NULL, NULL, &error),
                 &error, VOCC_OK);
             free(moved);
         }

@@ -40,10 +40,10 @@ static void sample_point(const vocc_rect_light *light, uint32_t point_id,
     const uint32_t h = hash32(point_id * 2048u + number * 256u + sample);
     const float j1 = (float)(h & 0xffffu) * (1.0f / 65536.0f);
     const float j2 = (float)(h >> 16) * (1.0f / 65536.0f);
-    const float a = rounded(rounded((float)(sample % nu) + j1) *
-                            rounded(1.0f / (float)nu));
-    const float b = rounded(rounded((float)(sample / nu) + j2) *
-                            rounded(1.0f / (float)nv));
+    const float a =
+        rounded(rounded((float)(sample % nu) + j1) * rounded(1.0f / (float)nu));
+    const float b =
+        rounded(rounded((float)(sample / nu) + j2) * rounded(1.0f / (float)nv));
     for (int k = 0; k < 3; k++) {
         const float first = rounded(a * (float)light->edge_u[k]);
         const float second = rounded(b * (float)light->edge_v[k]);
@@ -63,8 +63,8 @@ static int is_lit(const receivers *r, size_t i, const vocc_rect_light *light)
 {
     double sum = 0.0;
     for (size_t k = 0; k < 3; k++) {
-        const double centre = light->corner[k] + 0.5 * light->edge_u[k] +
-                              0.5 * light->edge_v[k];
+        const double centre =
+            light->corner[k] + 0.5 * light->edge_u[k] + 0.5 * light->edge_v[k];
         if (!isfinite(r->points[3 * i + k]))
             return 0;
         sum += (double)r->normals[3 * i + k] *
@@ -164,11 +164,10 @@ static void receivers_make(receivers *r, const shape *s, size_t count)
             c[k] = mesh_corner(m, t, k);
         for (int k = 0; k < 3; k++) {
             const int x = (k + 1) % 3, y = (k + 2) % 3;
-            cross[k] =
-                ((double)c[1][x] - (double)c[0][x]) *
-                    ((double)c[2][y] - (double)c[0][y]) -
-                ((double)c[1][y] - (double)c[0][y]) *
-                    ((double)c[2][x] - (double)c[0][x]);
+            cross[k] = ((double)c[1][x] - (double)c[0][x]) *
+                           ((double)c[2][y] - (double)c[0][y]) -
+                       ((double)c[1][y] - (double)c[0][y]) *
+                           ((double)c[2][x] - (double)c[0][x]);
             length += cross[k] * cross[k];
         }
         length = length > 0.0 ? sqrt(length) : 1.0;
@@ -328,9 +327,9 @@ static void sample_numbers(void)
         const vocc_rect_light light = {{4, -1, -1}, {0, 2, 0}, {0, 0, 2}};
         uint16_t visible[2] = {0, 0}, expected[2];
         vocc_error error;
-        CHECK_STATUS(query(&w, &r, 1, &light, numbers[i], visible, NULL,
-                           &error),
-                     &error, VOCC_OK);
+        CHECK_STATUS(
+            query(&w, &r, 1, &light, numbers[i], visible, NULL, &error), &error,
+            VOCC_OK);
         expected_counts(&w, &r, 1, &light, (uint32_t)numbers[i], expected);
         CHECK_INT(visible[0], numbers[i]);
         CHECK_INT(visible[0], expected[0]);
@@ -369,17 +368,15 @@ static void layouts(void)
     const uint32_t ids[3] = {2, 1, 0};
     vocc_array point_ids = rows_of(ids + 2, 0, VOCC_UINT32);
     point_ids.stride = -(ptrdiff_t)sizeof(uint32_t);
-    CHECK_STATUS(vocc_light_visibility(w.scene, 3, points,
-                                       rows_of(wide + 9, 24, VOCC_FLOAT64),
-                                       point_ids, 1, &light, 9, again, NULL,
-                                       &error),
+    CHECK_STATUS(vocc_light_visibility(
+                     w.scene, 3, points, rows_of(wide + 9, 24, VOCC_FLOAT64),
+                     point_ids, 1, &light, 9, again, NULL, &error),
                  &error, VOCC_OK);
     CHECK(memcmp(visible, again, sizeof(visible)) == 0);
     /* One normal for all. */
-    CHECK_STATUS(vocc_light_visibility(w.scene, 3, points,
-                                       rows_of(wide + 9, 0, VOCC_FLOAT64),
-                                       point_ids, 1, &light, 9, again, NULL,
-                                       &error),
+    CHECK_STATUS(vocc_light_visibility(
+                     w.scene, 3, points, rows_of(wide + 9, 0, VOCC_FLOAT64),
+                     point_ids, 1, &light, 9, again, NULL, &error),
                  &error, VOCC_OK);
     CHECK_INT(again[0], 9);
     CHECK_INT(again[1], 9);

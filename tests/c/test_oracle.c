@@ -26,8 +26,8 @@ static void occluded_exact(void)
         REQUIRE(expected && actual);
         for (size_t k = 0; k < set.count; k++) {
             /* Some without the filter, which could share an error. */
-            expected[k] = oracle_occluded(&set.rays[k], &s, k % 32 == 0) ==
-                          ORACLE_HIT;
+            expected[k] =
+                oracle_occluded(&set.rays[k], &s, k % 32 == 0) == ORACLE_HIT;
             blocked += expected[k];
         }
         all += set.count;
@@ -71,9 +71,10 @@ static void occluded_double(void)
             if (answer == ORACLE_UNSURE)
                 unsure++;
             else if (actual[k] != answer)
-                test_fail(__FILE__, __LINE__, "%s: ray %zu (%s) is %d, not %d: %s",
-                          s.name, k, ray_kind_name(set.kinds[k]), actual[k],
-                          (int)answer, ray_text(&set.rays[k]));
+                test_fail(__FILE__, __LINE__,
+                          "%s: ray %zu (%s) is %d, not %d: %s", s.name, k,
+                          ray_kind_name(set.kinds[k]), actual[k], (int)answer,
+                          ray_text(&set.rays[k]));
         }
         all += set.count;
         test_compared(set.count);
@@ -109,13 +110,10 @@ static void grids(void)
             s.parts[p].occluder = 1;
             const int vertices = 4 + (int)random_below(&random, 8);
             for (int v = 0; v < vertices; v++)
-                mesh_vertex(m,
-                            scale * (int)random_below(&random,
-                                                      (uint32_t)range),
-                            scale * (int)random_below(&random,
-                                                      (uint32_t)range),
-                            scale * (int)random_below(&random,
-                                                      (uint32_t)range));
+                mesh_vertex(
+                    m, scale * (int)random_below(&random, (uint32_t)range),
+                    scale * (int)random_below(&random, (uint32_t)range),
+                    scale * (int)random_below(&random, (uint32_t)range));
             const uint32_t triangles = 1 + random_below(&random, 16);
             for (uint32_t t = 0; t < triangles; t++)
                 mesh_triangle(
@@ -144,9 +142,9 @@ static void grids(void)
             }
             rays_add(&set, RAY_RANDOM, org, dir,
                      random_below(&random, 4) ? 0.0f : -1.0f,
-                     random_below(&random, 3) ? HUGE_VALF
-                                              : (float)random_below(&random, 3) +
-                                                    0.5f);
+                     random_below(&random, 3)
+                         ? HUGE_VALF
+                         : (float)random_below(&random, 3) + 0.5f);
         }
         world w;
         world_make(&w, &s, NULL);
@@ -319,12 +317,12 @@ static void check_hit(const shape *s, const ray_set *set, size_t i,
     /* What was reported is a hit, with that t, u and v. */
     const mesh *m = &s->parts[geom].m;
     oracle_hit mine;
-    const int is_hit = oracle_triangle(
-        ray, mesh_corner(m, (size_t)prim, 0), mesh_corner(m, (size_t)prim, 1),
-        mesh_corner(m, (size_t)prim, 2), &mine);
-    const int exact = geom == best.geom_id && prim == best.prim_id &&
-                      (same_float(h->t[i], best.t) ||
-                       (h->t[i] == 0.0f && best.t == 0.0f));
+    const int is_hit = oracle_triangle(ray, mesh_corner(m, (size_t)prim, 0),
+                                       mesh_corner(m, (size_t)prim, 1),
+                                       mesh_corner(m, (size_t)prim, 2), &mine);
+    const int exact =
+        geom == best.geom_id && prim == best.prim_id &&
+        (same_float(h->t[i], best.t) || (h->t[i] == 0.0f && best.t == 0.0f));
     *rounded += !exact;
     if (!is_hit || !t_agrees(h->t[i], mine.t) || !t_agrees(mine.t, best.t) ||
         !(fabs((double)h->u[i] - mine.u) < 2e-7) ||
@@ -338,8 +336,7 @@ static void check_hit(const shape *s, const ray_set *set, size_t i,
                   best.v, ray_text(ray));
     /* Through a vertex or an edge of a shape on the grid all is exact in
      * double, too: the smallest ids must win. */
-    if (!exact &&
-        (set->kinds[i] == RAY_VERTEX || set->kinds[i] == RAY_EDGE) &&
+    if (!exact && (set->kinds[i] == RAY_VERTEX || set->kinds[i] == RAY_EDGE) &&
         best.t == 1.0f && strncmp(s->name, "raw", 3) != 0 &&
         strcmp(s->name, "13 meshes") != 0 &&
         strcmp(s->name, "thin plates") != 0)
@@ -399,10 +396,9 @@ static void ties(void)
     vocc_scene *scene = NULL;
     REQUIRE(vocc_scene_create(&allocator, &scene, NULL) == VOCC_OK);
     for (int i = 0; i < 2; i++)
-        CHECK_INT(vocc_scene_add_mesh(scene, 3,
-                                      rows_of(vertices, 12, VOCC_FLOAT32), 2,
-                                      rows_of(triangles[i], 12, VOCC_INT32),
-                                      NULL, NULL, NULL),
+        CHECK_INT(vocc_scene_add_mesh(
+                      scene, 3, rows_of(vertices, 12, VOCC_FLOAT32), 2,
+                      rows_of(triangles[i], 12, VOCC_INT32), NULL, NULL, NULL),
                   VOCC_OK);
     CHECK_INT(vocc_scene_build(scene, NULL, NULL), VOCC_OK);
     const world w = {memory, scene};

@@ -93,13 +93,13 @@ static void check_region(const world *w, const float point[3], int32_t region,
                     numbers[i] != expected->numbers[i];
     }
     if (wrong)
-        test_fail(__FILE__, __LINE__,
-                  "the point (%a, %a, %a) has region %d; it is %s%zu solids, "
-                  "the first %d with number %d",
-                  (double)point[0], (double)point[1], (double)point[2],
-                  (int)region, expected->on_surface ? "on the surface, " : "in ",
-                  expected->count, (int)expected->components[0],
-                  (int)expected->numbers[0]);
+        test_fail(
+            __FILE__, __LINE__,
+            "the point (%a, %a, %a) has region %d; it is %s%zu solids, "
+            "the first %d with number %d",
+            (double)point[0], (double)point[1], (double)point[2], (int)region,
+            expected->on_surface ? "on the surface, " : "in ", expected->count,
+            (int)expected->components[0], (int)expected->numbers[0]);
 }
 
 /* ---- points ------------------------------------------------------------ */
@@ -380,10 +380,10 @@ static void check_tiling(const world *w, const vocc_leaf *leaves, size_t count)
     for (size_t i = 0; i < test_scaled(300, 40); i++) {
         double p[3];
         for (int k = 0; k < 3; k++)
-            p[k] = i & 1 ? (double)leaves[random_below(&random,
-                                                       (uint32_t)count)]
-                               .lower[k]
-                         : random_in(&random, r.lower[k], r.upper[k]);
+            p[k] = i & 1
+                       ? (double)leaves[random_below(&random, (uint32_t)count)]
+                             .lower[k]
+                       : random_in(&random, r.lower[k], r.upper[k]);
         size_t closed = 0, open = 0;
         for (size_t j = 0; j < count; j++) {
             int in_closed = 1, in_open = 1;

@@ -84,8 +84,8 @@ static void *use(void *context)
         size_t count;
         switch ((step + u->number) % 4) {
         case 0:
-            status = vocc_occluded(u->scene, &rays, u->out.occluded, &options,
-                                   NULL);
+            status =
+                vocc_occluded(u->scene, &rays, u->out.occluded, &options, NULL);
             break;
         case 1:
             status = vocc_intersect(u->scene, &rays, &hits, &options, NULL);
@@ -200,8 +200,8 @@ static void *build(void *context)
         b->errors += add_part(scene, &b->s->parts[i].m, 1, NULL) != VOCC_OK;
     b->errors += vocc_scene_build(scene, &options, NULL) != VOCC_OK;
     b->errors += vocc_scene_report(scene, &report, NULL) != VOCC_OK;
-    b->leaves = report.boundary_leaves + report.opaque_leaves +
-                report.clear_leaves;
+    b->leaves =
+        report.boundary_leaves + report.opaque_leaves + report.clear_leaves;
     vocc_scene_free(scene);
     return NULL;
 }

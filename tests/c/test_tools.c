@@ -52,7 +52,8 @@ static void oracle_on_integers(void)
             ray.dir[k] = (float)ldexp((double)d[k], way);
             ray.org[k] = (float)ldexp((double)o[k], space);
             for (int j = 0; j < 3; j++) {
-                corner[j][k] = (int64_t)random_below(&random, range) - range / 2;
+                corner[j][k] =
+                    (int64_t)random_below(&random, range) - range / 2;
                 moved[j][k] = corner[j][k] - o[k];
                 p[j][k] = (float)ldexp((double)corner[j][k], space);
             }
@@ -83,8 +84,7 @@ static void oracle_rounds_t(void)
     /* The plane z = 1 met at t = 1 / dz: all quotients of small integers. */
     const float a[3] = {-9, -9, 1}, b[3] = {9, -9, 1}, c[3] = {0, 9, 1};
     for (int i = 1; i < 2000; i++) {
-        const oracle_ray ray = {
-            {0, 0, 0}, {0, 0, (float)i}, 0.0f, HUGE_VALF};
+        const oracle_ray ray = {{0, 0, 0}, {0, 0, (float)i}, 0.0f, HUGE_VALF};
         oracle_hit hit;
         REQUIRE(oracle_triangle(&ray, a, b, c, &hit));
         CHECK_NEAR(hit.t, (float)(1.0 / i), 0);
@@ -93,9 +93,8 @@ static void oracle_rounds_t(void)
     }
     /* A denormal t, and one that is too large for float32. */
     const oracle_ray tiny = {{0, 0, 0}, {0, 0, FLT_MAX}, 0.0f, HUGE_VALF};
-    const float near[3][3] = {{-1, -1, 0x1p-20f},
-                              {1, -1, 0x1p-20f},
-                              {0, 1, 0x1p-20f}};
+    const float near[3][3] = {
+        {-1, -1, 0x1p-20f}, {1, -1, 0x1p-20f}, {0, 1, 0x1p-20f}};
     oracle_hit hit;
     REQUIRE(oracle_triangle(&tiny, near[0], near[1], near[2], &hit));
     CHECK_NEAR(hit.t, 0x1p-148f, 0);
@@ -112,15 +111,20 @@ static void oracle_limits(void)
         float tmin, tmax;
         int hit;
     } cases[] = {
-        {0.0f, 1.0f, 0},        {1.0f, 2.0f, 0},
-        {0.0f, 1.0000001f, 1},  {0.99999994f, 2.0f, 1},
-        {-HUGE_VALF, HUGE_VALF, 1}, {-HUGE_VALF, 1.0f, 0},
-        {1.0f, HUGE_VALF, 0},   {-3.0f, -1.0f, 0},
-        {0.0f, HUGE_VALF, 1},   {0.5f, FLT_MAX, 1},
+        {0.0f, 1.0f, 0},
+        {1.0f, 2.0f, 0},
+        {0.0f, 1.0000001f, 1},
+        {0.99999994f, 2.0f, 1},
+        {-HUGE_VALF, HUGE_VALF, 1},
+        {-HUGE_VALF, 1.0f, 0},
+        {1.0f, HUGE_VALF, 0},
+        {-3.0f, -1.0f, 0},
+        {0.0f, HUGE_VALF, 1},
+        {0.5f, FLT_MAX, 1},
     };
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
-        const oracle_ray ray = {{0, 0, 0}, {0, 0, 1}, cases[i].tmin,
-                                cases[i].tmax};
+        const oracle_ray ray = {
+            {0, 0, 0}, {0, 0, 1}, cases[i].tmin, cases[i].tmax};
         CHECK_INT(oracle_exact(&ray, a, b, c), cases[i].hit);
         /* and from the back */
         CHECK_INT(oracle_exact(&ray, a, c, b), cases[i].hit);
@@ -154,19 +158,17 @@ static void oracle_windings(void)
                     const component *part = &t.components[c];
                     if (!part->closed)
                         continue;
-                    CHECK_INT(oracle_winding(outside, &s.parts[p].m,
-                                             part->triangles,
-                                             part->triangle_count, &winding,
-                                             &parity),
-                              0);
+                    CHECK_INT(
+                        oracle_winding(outside, &s.parts[p].m, part->triangles,
+                                       part->triangle_count, &winding, &parity),
+                        0);
                     CHECK_INT(parity, 0);
                     if (part->consistent)
                         CHECK_INT(winding, 0);
-                    CHECK_INT(oracle_winding(inside, &s.parts[p].m,
-                                             part->triangles,
-                                             part->triangle_count, &winding,
-                                             &parity),
-                              0);
+                    CHECK_INT(
+                        oracle_winding(inside, &s.parts[p].m, part->triangles,
+                                       part->triangle_count, &winding, &parity),
+                        0);
                     total_inside += part->consistent && winding != 0;
                     odd += parity;
                 }
@@ -230,8 +232,8 @@ static double orientation(const mesh *m)
                     *c = mesh_corner(m, t, 2);
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
-            sum += (double)a[k] * ((double)b[i] * (double)c[j] -
-                                   (double)b[j] * (double)c[i]);
+            sum += (double)a[k] *
+                   ((double)b[i] * (double)c[j] - (double)b[j] * (double)c[i]);
         }
     }
     return sum;
@@ -284,8 +286,8 @@ static void rays_are_of_their_kind(void)
         const int always = kind == RAY_END_INSIDE;
         if ((hits[kind] == 0 && !never) ||
             (hits[kind] == seen[kind] && !always))
-            test_fail(__FILE__, __LINE__, "%zu of %zu rays hit: %s",
-                      hits[kind], seen[kind], ray_kind_name(kind));
+            test_fail(__FILE__, __LINE__, "%zu of %zu rays hit: %s", hits[kind],
+                      seen[kind], ray_kind_name(kind));
     }
     CHECK_INT(hits[RAY_NOTHING], 0);
     rays_free(&set);

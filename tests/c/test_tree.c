@@ -29,7 +29,8 @@ static void node_layout(void)
     CHECK_INT(vocc_leaf_count(n), 0xABCDEF);
 }
 
-/* ---- clipping --------------------------------------------------------------- */
+/* ---- clipping ---------------------------------------------------------------
+ */
 
 static float on_grid(test_random *random, int cells)
 {
@@ -51,19 +52,21 @@ static void clip_loses_nothing(void)
         for (int k = 0; k < 9; k++)
             c[k] = on_grid(&random, cells);
         for (int k = 0; k < 3; k++) {
-            const float a = on_grid(&random, cells), b = on_grid(&random, cells);
+            const float a = on_grid(&random, cells),
+                        b = on_grid(&random, cells);
             box.lower[k] = a < b ? a : b;
             box.upper[k] = (a < b ? b : a) + (k == axis ? 0.25f : 0.0f);
         }
         const float split =
-            box.lower[axis] +
-            (box.upper[axis] - box.lower[axis]) * (float)random_in(&random, 0.1, 0.9);
+            box.lower[axis] + (box.upper[axis] - box.lower[axis]) *
+                                  (float)random_in(&random, 0.1, 0.9);
         const int sides =
             vocc_clip_split(c, &box, axis, split, 1.25f, &parts[0], &parts[1]);
         for (int j = 0; j < 24; j++) {
             /* Dyadic weights: the points are exact on coarse grids. */
             const double u = (double)random_below(&random, 17) / 16.0,
-                         v = (double)random_below(&random, 17) / 16.0 * (1.0 - u);
+                         v = (double)random_below(&random, 17) / 16.0 *
+                             (1.0 - u);
             double p[3];
             int inside = 1;
             for (int k = 0; k < 3; k++) {
@@ -101,7 +104,8 @@ static void clip_loses_nothing(void)
     }
 }
 
-/* ---- the flood fill ------------------------------------------------------------ */
+/* ---- the flood fill
+ * ------------------------------------------------------------ */
 
 enum { DIRECTIONS = 5 };
 
@@ -109,10 +113,11 @@ enum { DIRECTIONS = 5 };
 static void label_by_rays(const world *w, const mesh *m, const float *centres,
                           size_t count, int direction, uint8_t *inside)
 {
-    static const float directions[DIRECTIONS][3] = {
-        {0.813f, 0.347f, 0.211f},   {-0.531f, 0.619f, 0.377f},
-        {0.129f, -0.887f, 0.443f},  {-0.271f, -0.157f, -0.911f},
-        {0.577f, 0.293f, -0.761f}};
+    static const float directions[DIRECTIONS][3] = {{0.813f, 0.347f, 0.211f},
+                                                    {-0.531f, 0.619f, 0.377f},
+                                                    {0.129f, -0.887f, 0.443f},
+                                                    {-0.271f, -0.157f, -0.911f},
+                                                    {0.577f, 0.293f, -0.761f}};
     vocc_rays rays;
     vocc_hits hits;
     vocc_error error;
@@ -132,8 +137,10 @@ static void label_by_rays(const world *w, const mesh *m, const float *centres,
             continue;
         for (int k = 0; k < 3; k++) {
             const size_t t = (size_t)hits.prim_id[i];
-            e1[k] = (double)mesh_corner(m, t, 1)[k] - (double)mesh_corner(m, t, 0)[k];
-            e2[k] = (double)mesh_corner(m, t, 2)[k] - (double)mesh_corner(m, t, 0)[k];
+            e1[k] = (double)mesh_corner(m, t, 1)[k] -
+                    (double)mesh_corner(m, t, 0)[k];
+            e2[k] = (double)mesh_corner(m, t, 2)[k] -
+                    (double)mesh_corner(m, t, 0)[k];
         }
         for (int k = 0; k < 3; k++)
             facing += (double)directions[direction][k] *
@@ -146,7 +153,8 @@ static void label_by_rays(const world *w, const mesh *m, const float *centres,
 
 static void flood_is_one_ray_a_leaf(void)
 {
-    static const double lower[3] = {-1.0, -0.5, -0.25}, upper[3] = {0.75, 1.0, 2.0};
+    static const double lower[3] = {-1.0, -0.5, -0.25},
+                        upper[3] = {0.75, 1.0, 2.0};
     for (int which = 0; which < 3; which++) {
         shape s;
         world w;
@@ -175,7 +183,8 @@ static void flood_is_one_ray_a_leaf(void)
         CHECK_STATUS(vocc_scene_leaves(w.scene, count, leaves, &count, &error),
                      &error, VOCC_OK);
         for (size_t i = 0; i < count; i++) {
-            if (leaves[i].label == VOCC_BOUNDARY || leaves[i].label == VOCC_UNKNOWN)
+            if (leaves[i].label == VOCC_BOUNDARY ||
+                leaves[i].label == VOCC_UNKNOWN)
                 continue;
             leaves[empties] = leaves[i];
             for (int k = 0; k < 3; k++)
@@ -202,8 +211,8 @@ static void flood_is_one_ray_a_leaf(void)
                 break;
             }
         }
-        test_note("%s: %zu empty leaves, the rays agree on %zu", s.name, empties,
-                  agreed);
+        test_note("%s: %zu empty leaves, the rays agree on %zu", s.name,
+                  empties, agreed);
         CHECK(agreed * 10 > empties * 9);
         free(leaves);
         free(centres);

@@ -16,11 +16,11 @@ typedef struct topology {
     size_t welded_vertices;
     size_t degenerate_triangles;
     size_t component_count;
-    component *components;  /* by first_triangle */
-    int32_t *component_of;  /* a triangle */
+    component *components; /* by first_triangle */
+    int32_t *component_of; /* a triangle */
     size_t open_edge_count;
-    uint64_t *open_edges;   /* low welded vertex << 32 | high one; sorted */
-    int32_t *welded;        /* a vertex's position; -1: not used */
+    uint64_t *open_edges; /* low welded vertex << 32 | high one; sorted */
+    int32_t *welded;      /* a vertex's position; -1: not used */
 } topology;
 
 void topology_make(topology *t, const mesh *m);

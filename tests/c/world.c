@@ -70,9 +70,9 @@ void world_make(world *w, const shape *s, const vocc_build_options *build)
                  VOCC_OK);
     REQUIRE(w->scene);
     for (int i = 0; i < s->part_count; i++)
-        CHECK_STATUS(add_part(w->scene, &s->parts[i].m, s->parts[i].occluder,
-                              &error),
-                     &error, VOCC_OK);
+        CHECK_STATUS(
+            add_part(w->scene, &s->parts[i].m, s->parts[i].occluder, &error),
+            &error, VOCC_OK);
     const vocc_status status = vocc_scene_build(w->scene, build, &error);
     if (status != VOCC_OK) {
         test_fail(__FILE__, __LINE__, "%s: build: %s", s->name, error.message);
@@ -128,10 +128,9 @@ static int has_options(int order, int isa)
     vocc_scene *scene;
     vocc_error error;
     REQUIRE(vocc_scene_create(NULL, &scene, NULL) == VOCC_OK);
-    REQUIRE(vocc_scene_add_mesh(
-                scene, 3, rows_of(vertices, 12, VOCC_FLOAT32), 1,
-                rows_of(triangle, 12, VOCC_INT32), NULL, NULL,
-                NULL) == VOCC_OK);
+    REQUIRE(vocc_scene_add_mesh(scene, 3, rows_of(vertices, 12, VOCC_FLOAT32),
+                                1, rows_of(triangle, 12, VOCC_INT32), NULL,
+                                NULL, NULL) == VOCC_OK);
     REQUIRE(vocc_scene_build(scene, NULL, NULL) == VOCC_OK);
     mode m = mode_baseline();
     m.order = order;
@@ -172,8 +171,7 @@ static int length(const int *list)
     return n;
 }
 
-mode_list modes_of(const int *caches, const int *deferments,
-                   const int *threads)
+mode_list modes_of(const int *caches, const int *deferments, const int *threads)
 {
     mode_list list = {0, NULL};
     int orders[8], order_count = 0, isas[4], isa_count = 0;
@@ -193,8 +191,8 @@ mode_list modes_of(const int *caches, const int *deferments,
                 for (const int *c = caches; *c >= 0; c++)
                     for (const int *d = deferments; *d >= 0; d++)
                         for (const int *t = threads; *t >= 0; t++) {
-                            const mode m = {orders[o], flags & 1,  *c, *d,
-                                            flags >> 1, isas[i], *t};
+                            const mode m = {orders[o],  flags & 1, *c, *d,
+                                            flags >> 1, isas[i],   *t};
                             list.modes[list.count++] = m;
                         }
     return list;
@@ -226,8 +224,8 @@ void trace_some(const world *w, const ray_set *set, size_t first, size_t count,
     }
 }
 
-void trace(const world *w, const ray_set *set, const mode *m,
-           uint8_t *occluded, vocc_counters *counters)
+void trace(const world *w, const ray_set *set, const mode *m, uint8_t *occluded,
+           vocc_counters *counters)
 {
     trace_some(w, set, 0, set->count, m, occluded, counters);
 }
@@ -244,9 +242,8 @@ const char *ray_text(const oracle_ray *ray)
 }
 
 void compare_some(const char *file, int line, const char *shape_name,
-                  const ray_set *set, size_t first, size_t count,
-                  const mode *m, const uint8_t *actual,
-                  const uint8_t *expected)
+                  const ray_set *set, size_t first, size_t count, const mode *m,
+                  const uint8_t *actual, const uint8_t *expected)
 {
     test_compared(count);
     if (memcmp(actual, expected, count) == 0)

@@ -67,8 +67,8 @@ void modes_free(mode_list *list);
 /* ---- answers ----------------------------------------------------------- */
 
 /* `set` through vocc_occluded; leaves the test if the call fails. */
-void trace(const world *w, const ray_set *set, const mode *m,
-           uint8_t *occluded, vocc_counters *counters);
+void trace(const world *w, const ray_set *set, const mode *m, uint8_t *occluded,
+           vocc_counters *counters);
 /* Only the rays first .. first + count - 1, into occluded[0 .. count - 1]. */
 void trace_some(const world *w, const ray_set *set, size_t first, size_t count,
                 const mode *m, uint8_t *occluded, vocc_counters *counters);
@@ -79,9 +79,8 @@ void compare_answers(const char *file, int line, const char *shape_name,
                      const uint8_t *expected);
 /* The same of `count` rays from `first` on; both arrays begin there. */
 void compare_some(const char *file, int line, const char *shape_name,
-                  const ray_set *set, size_t first, size_t count,
-                  const mode *m, const uint8_t *actual,
-                  const uint8_t *expected);
+                  const ray_set *set, size_t first, size_t count, const mode *m,
+                  const uint8_t *actual, const uint8_t *expected);
 
 /* A ray as text, with hexadecimal floats; static buffer. */
 const char *ray_text(const oracle_ray *ray);

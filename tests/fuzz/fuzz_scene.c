@@ -54,10 +54,10 @@ static uint32_t take(bytes *b, size_t count)
 static float take_float(bytes *b)
 {
     static const float likely[] = {
-        0.0f,      -0.0f,      1.0f,  -1.0f,     0.5f,       -0.5f,
-        2.0f,      -2.0f,      0.25f, 1.5f,      3.0f,       -3.0f,
-        0x1p-149f, -0x1p-149f, 1e-38f, 1e30f,    -1e30f,     3.4e38f,
-        -3.4e38f,  0x1p-20f,   1e-4f, 0.333333f, 0.9999999f, 1.0000001f};
+        0.0f,      -0.0f,      1.0f,   -1.0f,     0.5f,       -0.5f,
+        2.0f,      -2.0f,      0.25f,  1.5f,      3.0f,       -3.0f,
+        0x1p-149f, -0x1p-149f, 1e-38f, 1e30f,     -1e30f,     3.4e38f,
+        -3.4e38f,  0x1p-20f,   1e-4f,  0.333333f, 0.9999999f, 1.0000001f};
     const uint32_t kind = take(b, 1);
     if (kind < 224)
         return likely[kind % (sizeof(likely) / sizeof(likely[0]))];

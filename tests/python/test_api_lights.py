@@ -171,6 +171,47 @@ def test_up_need_not_be_y() -> None:
     assert (dir[:, 1, 1] > 0).all()
 
 
+def test_rays_follow_their_formula_bit_for_bit() -> None:
+    width, height, th = 37, 23, 0.28
+    eye, target = (0.3, 1.75, 2.25), (0.1, 0.375, -0.2)
+    camera = pyvocc.PerspectiveCamera(eye, target, tan_half_fov=th)
+    _, dir = camera.rays((width, height))
+    f = [t - e for t, e in zip(target, eye, strict=True)]
+    length = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    f = [c / length for c in f]
+    length = math.sqrt(f[2] * f[2] + f[0] * f[0])
+    r = [-f[2] / length, 0.0, f[0] / length]
+    u = [
+        r[1] * f[2] - r[2] * f[1],
+        r[2] * f[0] - r[0] * f[2],
+        r[0] * f[1] - r[1] * f[0],
+    ]
+    for y in range(height):
+        for x in range(width):
+            sx = ((x + 0.5) / width * 2 - 1) * th * (width / height)
+            sy = (1 - (y + 0.5) / height * 2) * th
+            expected = [F(f[k] + sx * r[k] + sy * u[k]) for k in range(3)]
+            assert dir[y, x].tolist() == expected
+
+
+def test_shading_points_lie_on_the_side_of_the_eye() -> None:
+    triangle = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], F)
+    dir = np.array([[0, 0, -1]], F)
+    t = np.array([2], F)
+    for corners in (triangle, triangle[:, ::-1]):
+        position, normal = shading_point(corners, np.array([0.2, 0.2, 2]), dir, t, 0.5)
+        assert position.tolist() == [[F(0.2), F(0.2), 0.5]]
+        assert normal.tolist() == [[0, 0, 1]]
+
+
+def test_a_plane_that_is_no_help_gives_way_to_t() -> None:
+    line = np.array([[[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]], F)
+    dir = np.array([[0, 0, -1]] * 2, F)
+    position, normal = shading_point(line, np.array([0.5, 0, 2]), dir, np.array([2, 3], F), 0.0)
+    assert position.tolist() == [[0.5, 0, 0], [0.5, 0, -1]]
+    assert np.isfinite(normal).all()
+
+
 @pytest.mark.parametrize("name", ["bunny", "cowboy"])
 def test_camera_and_shading_points_follow_the_workload_bit_for_bit(name: str) -> None:
     vertices, triangles, (_, points, normals, prim) = workload(name)

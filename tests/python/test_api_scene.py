@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import gc
+import inspect
 import pickle
+import re
 import threading
 import weakref
 from collections.abc import Callable
@@ -16,6 +18,7 @@ import shapes
 from conftest import RandomRays
 
 import pyvocc
+from pyvocc import _ffi
 
 Ask = Callable[[pyvocc.Scene], Any]
 
@@ -186,6 +189,19 @@ def test_build_options_reach_the_library() -> None:
     assert leaves(intersection_cost=5.0) > default
     assert leaves(max_depth=3) <= 8
     assert leaves(max_depth=3) < leaves(max_depth=6) < default
+
+
+def test_the_docstring_tells_the_defaults_of_the_library() -> None:
+    options = _ffi.ffi.new("vocc_build_options *")
+    _ffi.lib.vocc_build_options_init(options)
+    text = inspect.getdoc(pyvocc.Scene.build) or ""
+    for name in (
+        *("traversal_cost", "intersection_cost", "empty_bonus"),
+        *("max_leaf_size", "max_depth", "bad_refines"),
+    ):
+        described = re.search(rf"\b{name}:[^:]*?default ([\d.]*\d)", text)
+        assert described, name
+        assert float(described.group(1)) == pytest.approx(getattr(options, name)), name
 
 
 def test_the_tree_does_not_depend_on_threads() -> None:

@@ -30,6 +30,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2]))
 from scenes.meshes import GENERATORS, topology
 
 Floats = NDArray[np.float32]
+Regions = NDArray[np.int32]
 
 # Those that are open, or only a finer cut of another.
 OPEN = {"cube_missing_face", "plane", "cube_and_plane"}
@@ -50,7 +51,7 @@ CLOSED_FILES = (
 # How far behind the target the segment from outside may end, in t: for plates, too.
 BEHIND = 1 + np.array([2.0**-10, 2.0**-16], np.float32)
 # Of the largest meshes every mode but two traces a share of the rays.
-RAYS_A_MODE = 60_000
+RAYS_A_MODE = 40_000
 
 
 @dataclass(frozen=True)
@@ -97,34 +98,47 @@ def shares(count: int) -> Iterator[tuple[Mode, slice]]:
         yield mode, slice(None) if everything else slice(number % step, None, step)
 
 
+def regions_at_ends(scene: pyvocc.Scene, org: Floats, dir: Floats, tmax: Floats) -> Regions:
+    """The region of org + tmax dir as rounded to float32."""
+    ends = org.astype(np.float64) + tmax[:, None].astype(np.float64) * dir.astype(np.float64)
+    return scene.region(ends)
+
+
+def certainly_inside(
+    scene: pyvocc.Scene, org: Floats, dir: Floats, tmax: Floats
+) -> NDArray[np.bool_]:
+    """Whether org + tmax dir, of which float32 knows only the neighbourhood, is inside: the
+    corners of a box around it that is wider than the rounding have one region, not 0."""
+    if np.all(np.isinf(tmax)):
+        return np.full(len(dir), True)
+    ends = org.astype(np.float64) + tmax[:, None].astype(np.float64) * dir.astype(np.float64)
+    slack = 4 * np.spacing(np.abs(ends).max(axis=1, keepdims=True).astype(np.float32))
+    regions = np.stack(
+        [
+            scene.region((ends + slack * corner).astype(np.float32))
+            for corner in product((-1, 1), repeat=3)
+        ]
+    )
+    return np.all(regions == regions[0], axis=0) & (regions[0] > 0)
+
+
 def check_all_blocked(
     scene: pyvocc.Scene, org: Floats, dir: Floats, tmax: Floats, what: str
 ) -> None:
     assert len(dir) > 0, what
     for mode, share in shares(len(dir)):
         blocked = scene.occluded(org, dir[share], tmax=tmax[share], **vars(mode))
+        if blocked.all():
+            continue
+        # The exact end may be on the other side of the surface than the rounded one.
         missed = np.flatnonzero(~blocked)
-        assert len(missed) == 0, (
-            f"{what}, {mode}: {len(missed)} of {len(blocked)} rays get through, the first is "
-            f"{org.tolist()} + t {dir[share][missed[0]].tolist()}, tmax {tmax[share][missed[0]]}"
+        certain = certainly_inside(scene, org, dir[share][missed], tmax[share][missed])
+        assert len(missed) <= 1 + len(blocked) // 10_000, f"{what}, {mode}: {len(missed)} missed"
+        first = missed[certain][:1]
+        assert not certain.any(), (
+            f"{what}, {mode}: {certain.sum()} of {len(blocked)} rays get through, the first is "
+            f"{org.tolist()} + t {dir[share][first].tolist()}, tmax {tmax[share][first]}"
         )
-
-
-def certainly_inside(
-    scene: pyvocc.Scene, org: Floats, dir: Floats, tmax: float
-) -> NDArray[np.bool_]:
-    """Whether org + tmax dir, of which float32 knows only the neighbourhood, is inside: the
-    corners of a box around it that is wider than the rounding have one region, not 0."""
-    ends = org.astype(np.float64) + float(tmax) * dir.astype(np.float64)
-    inside: NDArray[np.bool_] = scene.region(ends) > 0
-    near = np.flatnonzero(inside)
-    slack = 4 * np.spacing(np.abs(ends[near]).max(axis=1, keepdims=True).astype(np.float32))
-    first = None
-    for corner in product((-1, 1), repeat=3):
-        region = scene.region((ends[near] + slack * corner).astype(np.float32))
-        first = region if first is None else first
-        inside[near] &= region == first
-    return inside
 
 
 def check_mesh(vertices: Floats, triangles: NDArray[np.int32], name: str) -> None:
@@ -146,11 +160,13 @@ def check_mesh(vertices: Floats, triangles: NDArray[np.int32], name: str) -> Non
         outside = (upper + size * np.array([0.75, 0.5, 0.25])).astype(np.float32)
         assert scene.region(outside) == 0
         dir = aims - outside
-        tmax = np.full(len(dir), np.nan, np.float32)
-        for end in BEHIND:
-            tmax[certainly_inside(scene, outside, dir, end)] = end
-        certain = ~np.isnan(tmax)
-        check_all_blocked(scene, outside, dir[certain], tmax[certain], f"{name}, from outside")
+        tmax = np.full(len(dir), BEHIND[0])
+        inside_at = regions_at_ends(scene, outside, dir, tmax) > 0
+        tmax[~inside_at] = BEHIND[1]
+        inside_at[~inside_at] = (
+            regions_at_ends(scene, outside, dir[~inside_at], tmax[~inside_at]) > 0
+        )
+        check_all_blocked(scene, outside, dir[inside_at], tmax[inside_at], f"{name}, from outside")
 
 
 @pytest.mark.parametrize("name", GENERATED)

@@ -396,6 +396,7 @@ static vocc_status label_leaves(const vocc_allocator *allocator, flood *f,
             memcpy(o->lower, e->lower, sizeof o->lower);
             memcpy(o->upper, e->upper, sizeof o->upper);
             o->region = region;
+            o->grown = -1;
             set_label(n, VOCC_OPAQUE);
             n->at.first = (uint32_t)tree->opaque_count++;
             out->opaque_leaves++;

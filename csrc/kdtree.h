@@ -44,6 +44,7 @@ typedef struct vocc_node {
 typedef struct vocc_opaque {
     float lower[3], upper[3];
     int32_t region;
+    int32_t grown; /* a box of vocc_tree.grown that is worth more; -1: none */
 } vocc_opaque;
 
 typedef struct vocc_tree {
@@ -56,6 +57,8 @@ typedef struct vocc_tree {
     size_t triangle_count;
     vocc_opaque *opaque; /* leaf -> bounds table of the volumetric occluders */
     size_t opaque_count;
+    vocc_opaque *grown; /* boxes beyond one leaf, for the occluder cache */
+    size_t grown_count;
     float lower[3], upper[3]; /* of all triangles; lower > upper if none */
     float scale;              /* largest |coordinate| of a triangle */
     int depth;

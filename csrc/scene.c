@@ -2,6 +2,7 @@
 #include "build.h"
 #include "classify.h"
 #include "memory.h"
+#include "occluders.h"
 #include "status.h"
 #include "vec3.h"
 
@@ -454,7 +455,7 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     built->report.seconds_build = now - start;
     start = now;
 
-    vocc_ticker_stage(ticker, 0.8, 1.0);
+    vocc_ticker_stage(ticker, 0.8, 0.95);
     status = name_solids(scene, built);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
@@ -474,6 +475,10 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     status = vocc_classify(a, &built->tree, &solids, built->solid_count,
                            options->threads, built->regions, ticker,
                            &classification);
+    if (status != VOCC_OK)
+        return vocc_fail_plain(error, status);
+    vocc_ticker_stage(ticker, 0.95, 1.0);
+    status = vocc_grow_occluders(a, &built->tree, options->threads, ticker);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
     built->report.seconds_classify = vocc_seconds() - start;

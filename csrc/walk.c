@@ -3,6 +3,7 @@
 #include "vec3.h"
 
 #include <math.h>
+#include <string.h>
 
 /* (plane - org) / dir has two roundings: within 2^-52 of the exact t,
  * relatively.  Intervals are widened by more than that, so that no leaf is
@@ -224,4 +225,14 @@ int vocc_locate_box(const vocc_tree *tree, const double lower[3],
     if (sticks_out)
         *region = 0;
     return is_free(tree, 0, &box, region) && *region >= 0;
+}
+
+int vocc_box_is_free(const vocc_tree *tree, const float lower[3],
+                     const float upper[3])
+{
+    vocc_bounds box;
+    int32_t region = 0;
+    memcpy(box.lower, lower, sizeof box.lower);
+    memcpy(box.upper, upper, sizeof box.upper);
+    return is_free(tree, 0, &box, &region);
 }

@@ -29,4 +29,9 @@ VOCC_INTERNAL int vocc_locate(const vocc_tree *tree, const double point[3],
 VOCC_INTERNAL int vocc_locate_box(const vocc_tree *tree, const double lower[3],
                                   const double upper[3], int32_t *region);
 
+/* Whether no triangle meets the closed box.  All its points then have one
+ * region. */
+VOCC_INTERNAL int vocc_box_is_free(const vocc_tree *tree, const float lower[3],
+                                   const float upper[3]);
+
 #endif

@@ -229,7 +229,7 @@ int main(int argc, char **argv)
         }
     }
 
-    runner.scale = is_thread_sanitized() ? 0.05 : is_sanitized() ? 0.15 : 1.0;
+    runner.scale = is_thread_sanitized() ? 0.05 : is_sanitized() ? 0.3 : 1.0;
     const char *scale = getenv("VOCC_TEST_SCALE");
     if (scale && atof(scale) > 0.0)
         runner.scale = atof(scale);

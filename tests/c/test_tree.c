@@ -3,6 +3,7 @@
  * classification of the paper (one test ray a leaf, back face = inside). */
 #include "../../csrc/clip.h"
 #include "../../csrc/kdtree.h"
+#include "../../csrc/scene.h"
 #include "../../csrc/vocc.h"
 
 #include "world.h"
@@ -223,9 +224,74 @@ static void flood_is_one_ray_a_leaf(void)
     test_context(NULL);
 }
 
+/* ---- grown occluders ------------------------------------------------------
+ */
+
+/* No sampled point of a triangle is inside of a grown box, and its centre is in
+ * the region that it stands for. */
+static void grown_boxes_are_free(void)
+{
+    size_t boxes = 0;
+    for (size_t index = 0; index < shape_count(); index++) {
+        shape s;
+        world w;
+        shape_make(&s, index, 1);
+        test_context(s.name);
+        world_make(&w, &s, NULL);
+        const vocc_tree *tree = &w.scene->built.tree;
+        for (size_t i = 0; i < tree->opaque_count; i++) {
+            if (tree->opaque[i].grown < 0)
+                continue;
+            const vocc_opaque *box = &tree->grown[tree->opaque[i].grown];
+            float centre[3];
+            int32_t region = -9;
+            vocc_error error;
+            for (int k = 0; k < 3; k++)
+                centre[k] = 0.5f * (box->lower[k] + box->upper[k]);
+            CHECK_STATUS(vocc_region(w.scene, 1,
+                                     rows_of(centre, 12, VOCC_FLOAT32), &region,
+                                     NULL, &error),
+                         &error, VOCC_OK);
+            CHECK_INT(region, tree->opaque[i].region);
+            CHECK_INT(box->region, tree->opaque[i].region);
+            boxes++;
+            for (size_t t = 0; t < tree->triangle_count; t++) {
+                const float *c = tree->corners + 9 * t;
+                for (int j = 0; j < 28; j++) {
+                    /* A lattice of 28 points over the triangle. */
+                    const int a = (j * 7) % 29 % 8, b = j % 7 % (8 - a);
+                    int inside = 1;
+                    for (int k = 0; k < 3; k++) {
+                        const double x =
+                            ((double)c[k] * (7 - a - b) + (double)c[3 + k] * a +
+                             (double)c[6 + k] * b) /
+                            7.0;
+                        inside &= x > (double)box->lower[k] &&
+                                  x < (double)box->upper[k];
+                    }
+                    if (inside) {
+                        test_fail(__FILE__, __LINE__,
+                                  "grown box %zu holds a point of triangle %zu",
+                                  i, t);
+                        t = tree->triangle_count;
+                        break;
+                    }
+                }
+            }
+            test_compared(1);
+        }
+        world_free(&w);
+        shape_free(&s);
+    }
+    test_context(NULL);
+    test_note("%zu grown boxes", boxes);
+    CHECK(boxes > 100);
+}
+
 const test_case test_tree_cases[] = {
     {"tree.node_layout", node_layout},
     {"tree.clip_loses_nothing", clip_loses_nothing},
     {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
+    {"tree.grown_boxes_are_free", grown_boxes_are_free},
     {NULL, NULL},
 };

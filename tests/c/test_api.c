@@ -443,8 +443,8 @@ static void build_options(void)
     CHECK_INT(defaults.size, sizeof(defaults));
     CHECK_INT(defaults.threads, 0);
     CHECK_NEAR(defaults.traversal_cost, 1.0, 0);
-    CHECK_NEAR(defaults.intersection_cost, 0.5, 0);
-    CHECK(defaults.empty_bonus >= 0.0f && defaults.empty_bonus <= 1.0f);
+    CHECK_NEAR(defaults.intersection_cost, 0.65f, 0);
+    CHECK_NEAR(defaults.empty_bonus, 0.2f, 0);
     CHECK_INT(defaults.max_leaf_size, 64);
     CHECK_INT(defaults.max_depth, 0);
     CHECK_INT(defaults.bad_refines, 0);

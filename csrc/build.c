@@ -345,8 +345,9 @@ static vocc_status join(const builder *top, vocc_tree *tree)
     if (!tree->nodes || !tree->references)
         return VOCC_ERROR_OUT_OF_MEMORY;
     memcpy(tree->nodes, top->nodes, top->node_count * sizeof *tree->nodes);
-    memcpy(tree->references, top->leaves,
-           top->leaf_count * sizeof *tree->references);
+    if (top->leaf_count)
+        memcpy(tree->references, top->leaves,
+               top->leaf_count * sizeof *tree->references);
     tree->node_count = top->node_count;
     tree->reference_count = top->leaf_count;
     tree->depth = top->depth;
@@ -357,8 +358,9 @@ static vocc_status join(const builder *top, vocc_tree *tree)
         tree->nodes[t->place] = moved(t->nodes[0], pairs, first);
         for (j = 2; j < t->node_count; j++)
             tree->nodes[tree->node_count++] = moved(t->nodes[j], pairs, first);
-        memcpy(tree->references + tree->reference_count, t->leaves,
-               t->leaf_count * sizeof *tree->references);
+        if (t->leaf_count)
+            memcpy(tree->references + tree->reference_count, t->leaves,
+                   t->leaf_count * sizeof *tree->references);
         tree->reference_count += t->leaf_count;
         if (t->depth > tree->depth)
             tree->depth = t->depth;

@@ -25,7 +25,12 @@
 
 #if defined(__GNUC__)
 #define VOCC_INTERNAL __attribute__((visibility("hidden")))
+/* Sanitizers take minutes over kernels that are inlined by force. */
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define VOCC_INLINE static inline
+#else
 #define VOCC_INLINE static inline __attribute__((always_inline))
+#endif
 #define VOCC_NOINLINE __attribute__((noinline))
 #define VOCC_ALIGN(n) __attribute__((aligned(n)))
 #define VOCC_LIKELY(x) __builtin_expect(!!(x), 1)

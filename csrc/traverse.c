@@ -9,22 +9,25 @@
 
 const vocc_kernels *vocc_find_kernels(const vocc_query_options *options)
 {
-    if (!options->packets)
-        return &vocc_kernels_single;
+    const vocc_kernels *four = NULL;
     switch (options->isa) {
     case VOCC_ISA_SCALAR:
-        return &vocc_kernels_plain4;
+        four = &vocc_kernels_plain4;
+        break;
 #if VOCC_HAVE_SSE2
     case VOCC_ISA_AUTO:
     case VOCC_ISA_SSE2:
-        return &vocc_kernels_sse2;
+        four = &vocc_kernels_sse2;
+        break;
 #else
     case VOCC_ISA_AUTO:
-        return &vocc_kernels_plain4;
+        four = &vocc_kernels_plain4;
+        break;
 #endif
     default:
-        return NULL;
+        break;
     }
+    return four && !options->packets ? &vocc_kernels_single : four;
 }
 
 vocc_tracer *vocc_tracer_create(const vocc_allocator *allocator,

@@ -24,17 +24,6 @@ void vocc_query_options_init(vocc_query_options *options)
     options->isa = VOCC_ISA_AUTO;
 }
 
-static vocc_status check_range(vocc_error *error, const char *argument,
-                               int32_t value, int32_t low, int32_t high)
-{
-    if (value >= low && value <= high)
-        return VOCC_OK;
-    return vocc_fail(
-        error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1, (double)value,
-        "%s is %" PRId32 ": it has to be from %" PRId32 " to %" PRId32,
-        argument, value, low, high);
-}
-
 static vocc_status check_options(const vocc_query_options *o, vocc_error *error)
 {
     vocc_status s;
@@ -43,21 +32,22 @@ static vocc_status check_options(const vocc_query_options *o, vocc_error *error)
             error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1, (double)o->size,
             "options: size is %" PRIu32 ", not sizeof(vocc_query_options)",
             o->size);
-    s = check_range(error, "order", o->order, VOCC_ORDER_AUTO,
-                    VOCC_ORDER_QDBFS);
+    s = vocc_check_range(error, "order", o->order, VOCC_ORDER_AUTO,
+                         VOCC_ORDER_QDBFS);
     if (s == VOCC_OK)
-        s = check_range(error, "occluders", o->occluders, 0, 1);
+        s = vocc_check_range(error, "occluders", o->occluders, 0, 1);
     if (s == VOCC_OK)
-        s = check_range(error, "deferment", o->deferment, 0,
-                        VOCC_MAX_DEFERMENT);
+        s = vocc_check_range(error, "deferment", o->deferment, 0,
+                             VOCC_MAX_DEFERMENT);
     if (s == VOCC_OK)
-        s = check_range(error, "cache", o->cache, 0, VOCC_MAX_CACHE);
+        s = vocc_check_range(error, "cache", o->cache, 0, VOCC_MAX_CACHE);
     if (s == VOCC_OK)
-        s = check_range(error, "packets", o->packets, 0, 1);
+        s = vocc_check_range(error, "packets", o->packets, 0, 1);
     if (s == VOCC_OK)
-        s = check_range(error, "isa", o->isa, VOCC_ISA_AUTO, VOCC_ISA_SSE2);
+        s = vocc_check_range(error, "isa", o->isa, VOCC_ISA_AUTO,
+                             VOCC_ISA_SSE2);
     if (s == VOCC_OK)
-        s = check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
+        s = vocc_check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
     return s;
 }
 

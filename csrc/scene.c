@@ -136,16 +136,6 @@ void vocc_build_options_init(vocc_build_options *options)
     options->max_leaf_size = 64;
 }
 
-static vocc_status check_range(vocc_error *error, const char *argument,
-                               double value, double low, double high)
-{
-    if (value >= low && value <= high)
-        return VOCC_OK;
-    return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1, value,
-                     "%s is %g: it has to be from %g to %g", argument, value,
-                     low, high);
-}
-
 static vocc_status check_build_options(const vocc_build_options *o,
                                        vocc_error *error)
 {
@@ -155,21 +145,24 @@ static vocc_status check_build_options(const vocc_build_options *o,
             error, VOCC_ERROR_INVALID_ARGUMENT, "options", -1, (double)o->size,
             "options: size is %" PRIu32 ", not sizeof(vocc_build_options)",
             o->size);
-    s = check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
+    s = vocc_check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
     if (s == VOCC_OK)
-        s = check_range(error, "traversal_cost", (double)o->traversal_cost,
-                        (double)1e-6f, 1e6);
+        s = vocc_check_range(error, "traversal_cost", (double)o->traversal_cost,
+                             (double)1e-6f, 1e6);
     if (s == VOCC_OK)
-        s = check_range(error, "intersection_cost",
-                        (double)o->intersection_cost, (double)1e-6f, 1e6);
+        s = vocc_check_range(error, "intersection_cost",
+                             (double)o->intersection_cost, (double)1e-6f, 1e6);
     if (s == VOCC_OK)
-        s = check_range(error, "empty_bonus", (double)o->empty_bonus, 0, 1);
+        s = vocc_check_range(error, "empty_bonus", (double)o->empty_bonus, 0,
+                             1);
     if (s == VOCC_OK)
-        s = check_range(error, "max_leaf_size", o->max_leaf_size, 1, 1 << 20);
+        s = vocc_check_range(error, "max_leaf_size", o->max_leaf_size, 1,
+                             1 << 20);
     if (s == VOCC_OK)
-        s = check_range(error, "max_depth", o->max_depth, 0, VOCC_MAX_DEPTH);
+        s = vocc_check_range(error, "max_depth", o->max_depth, 0,
+                             VOCC_MAX_DEPTH);
     if (s == VOCC_OK)
-        s = check_range(error, "bad_refines", o->bad_refines, 0, 16);
+        s = vocc_check_range(error, "bad_refines", o->bad_refines, 0, 16);
     return s;
 }
 

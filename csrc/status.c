@@ -65,3 +65,13 @@ vocc_status vocc_fail_plain(vocc_error *error, vocc_status status)
     return vocc_fail(error, status, "", -1, (double)NAN, "%s",
                      vocc_status_string((int32_t)status));
 }
+
+vocc_status vocc_check_range(vocc_error *error, const char *argument,
+                             double value, double low, double high)
+{
+    if (value >= low && value <= high)
+        return VOCC_OK;
+    return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1, value,
+                     "%s is %.10g: it has to be from %.10g to %.10g", argument,
+                     value, low, high);
+}

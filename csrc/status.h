@@ -16,4 +16,9 @@ VOCC_INTERNAL vocc_status vocc_fail(vocc_error *error, vocc_status status,
 VOCC_INTERNAL vocc_status vocc_fail_plain(vocc_error *error,
                                           vocc_status status);
 
+/* INVALID_ARGUMENT unless low <= value <= high. */
+VOCC_INTERNAL vocc_status vocc_check_range(vocc_error *error,
+                                           const char *argument, double value,
+                                           double low, double high);
+
 #endif

@@ -284,72 +284,33 @@ static int same_float(float a, float b)
     return memcmp(&a, &b, sizeof(a)) == 0;
 }
 
-/* The library's t is num / det in double, rounded: either float next to the
- * exact t may come out where that lies within 2^-28 of the middle. */
-static int t_agrees(float actual, float exact)
-{
-    if (actual == exact)
-        return 1;
-    return nextafterf(exact, actual) == actual;
-}
-
+/* The exact t rounded once, the smallest ids of that t; u and v of that
+ * triangle. */
 static void check_hit(const shape *s, const ray_set *set, size_t i,
-                      const hit_arrays *h, size_t *rounded)
+                      const hit_arrays *h)
 {
     const oracle_ray *ray = &set->rays[i];
     const oracle_hit best = oracle_intersect(ray, s);
-    const int32_t geom = h->geom_id[i], prim = h->prim_id[i];
-    if (best.prim_id < 0 || prim < 0) {
-        if (best.prim_id != prim || geom != best.geom_id ||
-            !(isinf(h->t[i]) && h->t[i] > 0) || !same_float(h->u[i], 0.0f) ||
-            !same_float(h->v[i], 0.0f))
-            test_fail(__FILE__, __LINE__,
-                      "%s: ray %zu (%s): %d %d at %a (u %g, v %g), not %d %d "
-                      "at %a: %s",
-                      s->name, i, ray_kind_name(set->kinds[i]), (int)geom,
-                      (int)prim, (double)h->t[i], (double)h->u[i],
-                      (double)h->v[i], (int)best.geom_id, (int)best.prim_id,
-                      (double)best.t, ray_text(ray));
-        return;
-    }
-    REQUIRE(geom >= 0 && geom < s->part_count &&
-            (size_t)prim < s->parts[geom].m.triangle_count);
-    /* What was reported is a hit, with that t, u and v. */
-    const mesh *m = &s->parts[geom].m;
-    oracle_hit mine;
-    const int is_hit = oracle_triangle(ray, mesh_corner(m, (size_t)prim, 0),
-                                       mesh_corner(m, (size_t)prim, 1),
-                                       mesh_corner(m, (size_t)prim, 2), &mine);
-    const int exact =
-        geom == best.geom_id && prim == best.prim_id &&
-        (same_float(h->t[i], best.t) || (h->t[i] == 0.0f && best.t == 0.0f));
-    *rounded += !exact;
-    if (!is_hit || !t_agrees(h->t[i], mine.t) || !t_agrees(mine.t, best.t) ||
-        !(fabs((double)h->u[i] - mine.u) < 2e-7) ||
-        !(fabs((double)h->v[i] - mine.v) < 2e-7))
+    const float t = h->t[i], u = h->u[i], v = h->v[i];
+    int right = h->geom_id[i] == best.geom_id && h->prim_id[i] == best.prim_id;
+    if (best.prim_id < 0)
+        right &= isinf(t) && t > 0 && same_float(u, 0) && same_float(v, 0);
+    else
+        right &= t == best.t && fabs((double)u - best.u) < 1e-7 &&
+                 fabs((double)v - best.v) < 1e-7;
+    if (!right)
         test_fail(__FILE__, __LINE__,
                   "%s: ray %zu (%s): %d %d at %a (u %g, v %g), not %d %d at %a "
                   "(u %g, v %g): %s",
-                  s->name, i, ray_kind_name(set->kinds[i]), (int)geom,
-                  (int)prim, (double)h->t[i], (double)h->u[i], (double)h->v[i],
+                  s->name, i, ray_kind_name(set->kinds[i]), (int)h->geom_id[i],
+                  (int)h->prim_id[i], (double)t, (double)u, (double)v,
                   (int)best.geom_id, (int)best.prim_id, (double)best.t, best.u,
                   best.v, ray_text(ray));
-    /* Through a vertex or an edge of a shape on the grid all is exact in
-     * double, too: the smallest ids must win. */
-    if (!exact && (set->kinds[i] == RAY_VERTEX || set->kinds[i] == RAY_EDGE) &&
-        best.t == 1.0f && strncmp(s->name, "raw", 3) != 0 &&
-        strcmp(s->name, "13 meshes") != 0 &&
-        strcmp(s->name, "thin plates") != 0)
-        test_fail(__FILE__, __LINE__,
-                  "%s: ray %zu (%s): a tie at t = 1: %d %d, not %d %d: %s",
-                  s->name, i, ray_kind_name(set->kinds[i]), (int)geom,
-                  (int)prim, (int)best.geom_id, (int)best.prim_id,
-                  ray_text(ray));
 }
 
 static void closest_hits(void)
 {
-    size_t rounded = 0, all = 0;
+    size_t hit = 0, all = 0;
     for (size_t i = 0; i < shape_count(); i++) {
         shape s;
         world w;
@@ -361,8 +322,10 @@ static void closest_hits(void)
         rays_adversarial(&set, &s, test_scaled(100, 8), 300 + i);
         hits_make(&h, set.count);
         intersect(&w, &set, NULL, &h);
-        for (size_t k = 0; k < set.count; k++)
-            check_hit(&s, &set, k, &h, &rounded);
+        for (size_t k = 0; k < set.count; k++) {
+            check_hit(&s, &set, k, &h);
+            hit += h.prim_id[k] >= 0;
+        }
         all += set.count;
         test_compared(set.count);
 
@@ -379,10 +342,7 @@ static void closest_hits(void)
         world_free(&w);
         shape_free(&s);
     }
-    test_note("%zu of %zu hits are not the exact t rounded once, or another "
-              "triangle of equal t",
-              rounded, all);
-    CHECK(rounded <= all / 1000);
+    CHECK(hit > all / 8 && hit < all);
 }
 
 /* Ties by hand: two copies of one triangle in two meshes, in both orders. */

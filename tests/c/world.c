@@ -120,7 +120,7 @@ const char *mode_text(const mode *m)
 }
 
 /* Asks the library with one triangle and one ray. */
-static int has_options(int order, int isa)
+static int has_options(int order, int isa, int packets)
 {
     static const float vertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
     static const int32_t triangle[3] = {0, 1, 2};
@@ -135,6 +135,7 @@ static int has_options(int order, int isa)
     mode m = mode_baseline();
     m.order = order;
     m.isa = isa;
+    m.packets = packets;
     vocc_query_options options;
     mode_options(&m, &options);
     vocc_rays rays;
@@ -155,12 +156,15 @@ static int has_options(int order, int isa)
 
 int has_order(int order)
 {
-    return has_options(order, VOCC_ISA_SCALAR);
+    return has_options(order, VOCC_ISA_SCALAR, 1);
 }
 
 int has_isa(int isa)
 {
-    return has_options(VOCC_ORDER_STANDARD, isa);
+    const int has = has_options(VOCC_ORDER_STANDARD, isa, 1);
+    /* What there is does not depend on how the rays come. */
+    CHECK_INT(has_options(VOCC_ORDER_STANDARD, isa, 0), has);
+    return has;
 }
 
 static int length(const int *list)

@@ -367,7 +367,7 @@ static void choose_order(vocc_built *built)
 {
     const vocc_report *r = &built->report;
     built->report.auto_order =
-        r->mesh_area > 0.0 && r->occluder_area >= 8.0 * r->mesh_area
+        r->mesh_area > 0.0 && r->occluder_area >= 12.0 * r->mesh_area
             ? VOCC_ORDER_QDBFS
             : VOCC_ORDER_STANDARD;
     built->auto_cache = r->occluder_area >= 1.5 * r->mesh_area;

@@ -8,6 +8,7 @@
 enum {
     MOST_GROWN = 1024, /* rays meet large leaves first; more did not pay */
     JOB_LEAVES = 64,
+    HISTOGRAM = 1 << 16,
     ROUNDS = 2,
     HALVINGS = 4
 };
@@ -101,6 +102,20 @@ static vocc_status grow_some(void *context, size_t job, int worker,
     return VOCC_OK;
 }
 
+/* The least 16 upper bits of a key such that at most MOST_GROWN leaves have
+ * these or more; or 0. */
+static uint32_t find_threshold(const vocc_tree *tree, size_t *histogram)
+{
+    size_t i, count = 0;
+    uint32_t bin = HISTOGRAM;
+    memset(histogram, 0, HISTOGRAM * sizeof *histogram);
+    for (i = 0; i < tree->opaque_count; i++)
+        histogram[area_key(&tree->opaque[i]) >> 16]++;
+    while (bin > 0 && count + histogram[bin - 1] <= MOST_GROWN)
+        count += histogram[--bin];
+    return bin;
+}
+
 vocc_status vocc_grow_occluders(const vocc_allocator *allocator,
                                 vocc_tree *tree, int threads,
                                 vocc_ticker *ticker)
@@ -108,24 +123,30 @@ vocc_status vocc_grow_occluders(const vocc_allocator *allocator,
     growth g;
     vocc_status status;
     size_t i;
-    uint64_t *keys = vocc_allocate(allocator, tree->opaque_count, sizeof *keys);
-    if (!keys)
-        return VOCC_ERROR_OUT_OF_MEMORY;
-    for (i = 0; i < tree->opaque_count; i++)
-        keys[i] = (uint64_t)area_key(&tree->opaque[i]) << 32 | (uint64_t)i;
-    vocc_sort(keys, tree->opaque_count);
-    g.tree = tree;
-    g.count = tree->opaque_count < MOST_GROWN ? tree->opaque_count : MOST_GROWN;
-    g.keys = keys + (tree->opaque_count - g.count);
-    tree->grown = vocc_allocate(allocator, g.count, sizeof *tree->grown);
-    if (!tree->grown) {
+    uint32_t threshold;
+    uint64_t *keys = vocc_allocate(allocator, MOST_GROWN, sizeof *keys);
+    size_t *histogram = vocc_allocate(allocator, HISTOGRAM, sizeof *histogram);
+    tree->grown = vocc_allocate(allocator, MOST_GROWN, sizeof *tree->grown);
+    if (!keys || !histogram || !tree->grown) {
         vocc_release(allocator, keys);
+        vocc_release(allocator, histogram);
         return VOCC_ERROR_OUT_OF_MEMORY;
     }
+    threshold = find_threshold(tree, histogram);
+    g.tree = tree;
+    g.keys = keys;
+    g.count = 0;
+    for (i = 0; i < tree->opaque_count; i++) {
+        const uint32_t key = area_key(&tree->opaque[i]);
+        if (key >> 16 >= threshold)
+            keys[g.count++] = (uint64_t)key << 32 | (uint64_t)i;
+    }
+    vocc_sort(keys, g.count);
     tree->grown_count = g.count;
     status = vocc_jobs_run(allocator, threads,
                            (g.count + JOB_LEAVES - 1) / JOB_LEAVES, grow_some,
                            &g, ticker);
     vocc_release(allocator, keys);
+    vocc_release(allocator, histogram);
     return status;
 }

@@ -88,12 +88,13 @@ static void consider(vocc_split *best, const vocc_sah *sah, const shape *s,
     }
 }
 
-static int count_bits(uint32_t x)
+/* Bits of the two halves of x, each in its half. */
+static uint32_t count_halves(uint32_t x)
 {
     x -= x >> 1 & 0x55555555u;
     x = (x & 0x33333333u) + (x >> 2 & 0x33333333u);
     x = (x + (x >> 4)) & 0x0F0F0F0Fu;
-    return (int)(x * 0x01010101u >> 24);
+    return (x + (x >> 8)) & 0x00FF00FFu;
 }
 
 /* Every bound inside the box is tried; the sides are counted anew for each,
@@ -101,6 +102,7 @@ static int count_bits(uint32_t x)
 static void exact_split(const vocc_reference *references, int count,
                         const vocc_sah *sah, const shape *s, vocc_split *best)
 {
+    const uint32_t all = (1u << count) - 1u;
     int axis, i, j;
     for (axis = 0; axis < 3; axis++) {
         float lower[EXACT + VOCC_LANES], upper[EXACT + VOCC_LANES];
@@ -115,16 +117,18 @@ static void exact_split(const vocc_reference *references, int count,
         for (j = 0; j < 2 * count; j++) {
             const float pos = j < count ? lower[j] : upper[j - count];
             const vfloat p = vset(pos);
-            uint32_t below = 0, above = 0;
+            uint32_t below = 0, above = 0, counts, planar = 0;
             if (!(pos > s->first[axis] && pos < s->last[axis]))
                 continue;
             for (i = 0; i < count; i += VOCC_LANES) {
                 below |= vlt(vload(lower + i), p) << i;
                 above |= vlt(p, vload(upper + i)) << i;
             }
-            consider(best, sah, s, axis, pos, (size_t)count_bits(below),
-                     (size_t)count_bits(above),
-                     (size_t)(count - count_bits(below | above)));
+            counts = count_halves(below | above << 16);
+            if ((below | above) != all)
+                planar = count_halves(all & ~(below | above));
+            consider(best, sah, s, axis, pos, counts & 0xFFFFu, counts >> 16,
+                     planar);
         }
     }
 }

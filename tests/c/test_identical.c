@@ -267,6 +267,106 @@ static void without_occluders_in_meshes(void)
     }
 }
 
+/* ---- where occluders end ------------------------------------------------ */
+
+/* A coordinate of the leaf: below, on a face, in the middle, above. */
+static float along_leaf(const vocc_leaf *leaf, int k, uint32_t choice)
+{
+    const float low = leaf->lower[k], high = leaf->upper[k];
+    switch (choice) {
+    case 0:
+        return low;
+    case 1:
+        return high;
+    case 2:
+        return low + 0.5f * (high - low);
+    case 3:
+        return low - 0.25f;
+    case 4:
+        return high + 0.25f;
+    case 5:
+        return nextafterf(low, HUGE_VALF);
+    default:
+        return nextafterf(high, -HUGE_VALF);
+    }
+}
+
+/* Rays in the planes of leaves' faces, along their edges, through their
+ * corners, that begin or end exactly there. */
+static void rays_at_leaves(ray_set *set, const vocc_leaf *leaves, size_t count,
+                           size_t rays)
+{
+    static const float ends[] = {HUGE_VALF, 1.0f, 2.0f, 0.5f};
+    test_random random = random_seed(12);
+    for (size_t i = 0; i < rays; i++) {
+        const vocc_leaf *leaf = &leaves[random_below(&random, (uint32_t)count)];
+        float org[3], dir[3];
+        for (int k = 0; k < 3; k++) {
+            org[k] = along_leaf(leaf, k, random_below(&random, 7));
+            dir[k] =
+                random_below(&random, 3)
+                    ? along_leaf(leaf, k, random_below(&random, 7)) - org[k]
+                    : 0.0f;
+        }
+        rays_add(set, RAY_BOUNDS, org, dir,
+                 random_below(&random, 4) ? 0.0f : -1.0f,
+                 ends[random_below(&random, 4)]);
+    }
+}
+
+static void at_occluders(void)
+{
+    for (size_t i = 0; i < shape_count(); i++) {
+        shape s;
+        world w;
+        ray_set set;
+        size_t count = 0, opaque = 0;
+        test_context(shape_name(i));
+        shape_make(&s, i, 0);
+        vocc_build_options build;
+        vocc_build_options_init(&build);
+        build.max_leaf_size = 2;
+        build.max_depth = 24;
+        build.bad_refines = 4;
+        world_make(&w, &s, &build);
+        CHECK_INT(vocc_scene_leaves(w.scene, 0, NULL, &count, NULL), VOCC_OK);
+        vocc_leaf *leaves = malloc((count + 1) * sizeof(*leaves));
+        REQUIRE(leaves);
+        CHECK_INT(vocc_scene_leaves(w.scene, count, leaves, &count, NULL),
+                  VOCC_OK);
+        rays_init(&set);
+        rays_at_leaves(&set, leaves, count, test_scaled(800, 100));
+        for (size_t k = 0; k < count; k++)
+            if (leaves[k].label == VOCC_OPAQUE)
+                leaves[opaque++] = leaves[k];
+        if (opaque)
+            rays_at_leaves(&set, leaves, opaque, test_scaled(1200, 150));
+        uint8_t *expected = malloc(set.count), *actual = malloc(set.count);
+        REQUIRE(expected && actual);
+        for (size_t k = 0; k < set.count; k++)
+            expected[k] = oracle_occluded(&set.rays[k], &s, 0) == ORACLE_HIT;
+        for (int order = VOCC_ORDER_STANDARD; order <= VOCC_ORDER_QDBFS;
+             order++) {
+            for (int flags = 0; flags < 8; flags++) {
+                const mode m = {order, flags & 1,      flags & 4 ? 8 : 0,
+                                512,   flags >> 1 & 1, VOCC_ISA_AUTO,
+                                1};
+                if (!has_order(order))
+                    continue;
+                trace(&w, &set, &m, actual, NULL);
+                compare_answers(__FILE__, __LINE__, s.name, &set, &m, actual,
+                                expected);
+            }
+        }
+        free(leaves);
+        free(expected);
+        free(actual);
+        rays_free(&set);
+        world_free(&w);
+        shape_free(&s);
+    }
+}
+
 /* ---- layouts ----------------------------------------------------------- */
 
 static void occluded_of(const world *w, const vocc_rays *rays,
@@ -435,6 +535,7 @@ const test_case test_identical_cases[] = {
     {"identical.threads", threads},
     {"identical.build_options", build_options},
     {"identical.without_occluders", without_occluders_in_meshes},
+    {"identical.at_occluders", at_occluders},
     {"identical.layouts", layouts},
     {"identical.far_away", far_away},
     {NULL, NULL},

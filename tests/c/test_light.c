@@ -217,6 +217,8 @@ static const vocc_rect_light lights[] = {
     {{0.25, 0.75, 2}, {0, 0, 0}, {0, 0, 0}},
     /* in the plane of a box's side, and touching its corner */
     {{0.75, -0.75, -0.75}, {0, 1.5, 0}, {0, 0, 1.5}},
+    /* slanted: its bounds hold most of the mesh, itself it is outside */
+    {{-2, -2.75, -1}, {4, 0, 0}, {0, 4, 4}},
 };
 #define LIGHTS (sizeof(lights) / sizeof(lights[0]))
 

@@ -332,9 +332,19 @@ static void make_limits(maker *k)
     any_point(k, 0.5, org);
     surface_point(k, to);
     between(org, to, dir);
-    static const float ends[] = {1.0f, 1.0f + FLT_EPSILON,
-                                 1.0f - FLT_EPSILON / 2.0f, 2.0f};
-    const float t = ends[random_below(&k->random, 4)];
+    /* At the surface, the next float, or any power of two beside it. */
+    const int power = -1 - (int)random_below(&k->random, 24);
+    float t = 1.0f;
+    switch (random_below(&k->random, 3)) {
+    case 0:
+        t += ldexpf(1.0f, power);
+        break;
+    case 1:
+        t -= ldexpf(1.0f, power);
+        break;
+    default:
+        break;
+    }
     if (random_below(&k->random, 2))
         rays_add(k->set, RAY_LIMITS, org, dir, 0.0f, t);
     else

@@ -67,6 +67,12 @@ static void check_watch(int line, const watch *w, vocc_status status,
     }
 }
 
+/* Calls to stop at: the first ones, then ever fewer. */
+static int next_stop(int stop_at)
+{
+    return stop_at + 1 + stop_at / 2;
+}
+
 static void build_watched(int threads, int detail)
 {
     shape s;
@@ -82,7 +88,7 @@ static void build_watched(int threads, int detail)
     options.threads = threads;
     options.progress = on_progress;
     const size_t live = counting_live_bytes(memory);
-    for (int stop_at = 1; stop_at < 2000; stop_at++) {
+    for (int stop_at = 1; stop_at < 100000; stop_at = next_stop(stop_at)) {
         watch w = watch_make(stop_at);
         vocc_error error;
         memset(&error, 0, sizeof(error));
@@ -120,12 +126,6 @@ static void build(void)
     build_watched(1, 1);
     build_watched(2, 1);
     build_watched(3, 1);
-}
-
-/* Calls to stop at: the first ones, then ever fewer. */
-static int next_stop(int stop_at)
-{
-    return stop_at + 1 + stop_at / 2;
 }
 
 /* Query q of four, with progress. */

@@ -62,7 +62,7 @@ void mesh_append(mesh *m, const mesh *other)
     const int32_t first = (int32_t)m->vertex_count;
     for (size_t i = 0; i < other->vertex_count; i++) {
         const float *v = other->vertices + 3 * i;
-        mesh_vertex(m, v[0], v[1], v[2]);
+        mesh_vertex(m, (double)v[0], (double)v[1], (double)v[2]);
     }
     for (size_t i = 0; i < other->triangle_count; i++) {
         const int32_t *t = other->triangles + 3 * i;

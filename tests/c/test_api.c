@@ -87,7 +87,7 @@ static void check_error(int line, vocc_status status, const vocc_error *error,
         memset(&error, 0x5a, sizeof(error));                                   \
         const vocc_status status = (call);                                     \
         check_error(__LINE__, status, &error, (expected), (argument), (index), \
-                    (value));                                                  \
+                    (double)(value));                                          \
     } while (0)
 
 #define INVALID VOCC_ERROR_INVALID_ARGUMENT
@@ -215,8 +215,8 @@ static void add_mesh_types(void)
 static void add_mesh_values(void)
 {
     static const float bad_floats[] = {NAN, HUGE_VALF, -HUGE_VALF};
-    static const double bad_doubles[] = {NAN,   HUGE_VAL, -HUGE_VAL,
-                                         1e300, -1e39,    3.5e38};
+    static const double bad_doubles[] = {(double)NAN, HUGE_VAL, -HUGE_VAL,
+                                         1e300,       -1e39,    3.5e38};
     vocc_scene *scene = empty_scene();
     for (int at = 0; at < 12; at++) {
         for (size_t i = 0; i < 3; i++) {
@@ -993,7 +993,7 @@ static void light_arguments(void)
     EXPECT(LIGHT(points, normals, none, 1, &light, 4, NULL), INVALID, "visible",
            -1, NAN);
     vocc_rect_light bad_lights[3] = {light, light, light};
-    bad_lights[2].edge_u[1] = NAN;
+    bad_lights[2].edge_u[1] = (double)NAN;
     EXPECT(LIGHT(points, normals, none, 3, bad_lights, 4, out), INVALID,
            "lights", 2, NAN);
     bad_lights[1].corner[0] = HUGE_VAL;

@@ -150,7 +150,8 @@ static void grids(void)
         world_make(&w, &s, NULL);
         uint8_t expected[300], actual[300];
         for (int r = 0; r < 300; r++)
-            expected[r] = oracle_occluded(&set.rays[r], &s, r % 8 == 0);
+            expected[r] =
+                oracle_occluded(&set.rays[r], &s, r % 8 == 0) == ORACLE_HIT;
         const mode modes[3] = {
             mode_baseline(),
             {VOCC_ORDER_STANDARD, 1, 8, 512, 1, VOCC_ISA_AUTO, 1},

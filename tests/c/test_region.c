@@ -122,6 +122,11 @@ static void add_point(points *set, double x, double y, double z)
     p[2] = (float)z;
 }
 
+static void add_floats(points *set, const float p[3])
+{
+    add_point(set, (double)p[0], (double)p[1], (double)p[2]);
+}
+
 static void add_moved(points *set, const float p[3], test_random *random)
 {
     float moved[3];
@@ -131,7 +136,7 @@ static void add_moved(points *set, const float p[3], test_random *random)
                    : way == 1 ? nextafterf(p[k], HUGE_VALF)
                               : nextafterf(p[k], -HUGE_VALF);
     }
-    add_point(set, moved[0], moved[1], moved[2]);
+    add_floats(set, moved);
 }
 
 static vocc_leaf *leaves_of(const world *w, size_t *count)
@@ -168,19 +173,19 @@ static void make_points(points *set, const world *w, const shape *s, size_t n)
         const float *a = mesh_corner(m, t, 0), *b = mesh_corner(m, t, 1),
                     *c = mesh_corner(m, t, 2);
         float on[3];
-        add_point(set, a[0], a[1], a[2]);
+        add_floats(set, a);
         add_moved(set, a, &random);
         for (int k = 0; k < 3; k++)
             on[k] = a[k] + 0.5f * (b[k] - a[k]);
-        add_point(set, on[0], on[1], on[2]);
+        add_floats(set, on);
         for (int k = 0; k < 3; k++)
             on[k] += 0.25f * (c[k] - a[k]);
-        add_point(set, on[0], on[1], on[2]);
+        add_floats(set, on);
         add_moved(set, on, &random);
         /* In line with edges and planes, outside of the triangle. */
         for (int k = 0; k < 3; k++)
             on[k] = a[k] + 2.0f * (b[k] - a[k]);
-        add_point(set, on[0], on[1], on[2]);
+        add_floats(set, on);
     }
     vocc_leaf *leaves = leaves_of(w, &leaf_count);
     for (size_t i = 0; i < n && leaf_count; i++) {
@@ -193,12 +198,13 @@ static void make_points(points *set, const world *w, const shape *s, size_t n)
                    : at == 1 ? leaf->upper[k]
                              : 0.5f * (leaf->lower[k] + leaf->upper[k]);
         }
-        add_point(set, p[0], p[1], p[2]);
+        add_floats(set, p);
         add_moved(set, p, &random);
     }
     free(leaves);
     add_point(set, 1e30, 0, 0);
-    add_point(set, -FLT_MAX, FLT_MAX, FLT_MAX);
+    const float farthest[3] = {-FLT_MAX, FLT_MAX, FLT_MAX};
+    add_floats(set, farthest);
     add_point(set, 0x1p-149, -0x1p-149, 0x1p-149);
     add_point(set, 0, 0, 0);
     add_point(set, -0.0, 0, -0.0);

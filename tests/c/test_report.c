@@ -30,6 +30,9 @@ static vocc_report scene_report(const world *w)
     return report;
 }
 
+/* Where the volume is not a round number. */
+#define NO_VOLUME 1e9
+
 /* Worked out by hand, for mesh 0 of the small shapes. */
 static void known_figures(void)
 {
@@ -40,33 +43,33 @@ static void known_figures(void)
         double volume;
     } known[] = {
         /* 10 * 4^n + 2 vertices */
-        {"sphere", 1, 1, 42, 0, 0, 0, 0, NAN},
-        {"torus knot", 1, 1, 120, 0, 0, 0, 0, NAN},
-        {"fat knot", 1, 1, 120, 0, 0, 0, 0, NAN},
-        {"nested shells", 3, 1, 126, 0, 0, 0, 0, NAN},
+        {"sphere", 1, 1, 42, 0, 0, 0, 0, NO_VOLUME},
+        {"torus knot", 1, 1, 120, 0, 0, 0, 0, NO_VOLUME},
+        {"fat knot", 1, 1, 120, 0, 0, 0, 0, NO_VOLUME},
+        {"nested shells", 3, 1, 126, 0, 0, 0, 0, NO_VOLUME},
         {"inverted cube", 1, 1, 26, 0, 0, 0, 0, -3.375},
         {"overlapping cubes", 2, 1, 34, 0, 0, 0, 0, 2.0},
         /* the plane's rim: two squares a side */
-        {"cube on plane", 2, 0, 35, 8, 0, 0, 0, NAN},
+        {"cube on plane", 2, 0, 35, 8, 0, 0, 0, NO_VOLUME},
         /* the hole's rim */
-        {"open cube", 1, 0, 25, 8, 0, 0, 0, NAN},
-        {"13 shells", 13, 1, 140, 0, 0, 0, 0, NAN},
+        {"open cube", 1, 0, 25, 8, 0, 0, 0, NO_VOLUME},
+        {"13 shells", 13, 1, 140, 0, 0, 0, 0, NO_VOLUME},
         /* 2 x 2 squares in common: 8 edges of the rim, 4 inner ones, 4
          * diagonals have four triangles each */
         {"touching in one mesh", 1, 1, 43, 0, 16, 0, 0, 2.0},
         /* the furniture's corner is a vertex of the floor */
-        {"hollow room", 3, 1, 59, 0, 0, 0, 0, NAN},
+        {"hollow room", 3, 1, 59, 0, 0, 0, 0, NO_VOLUME},
         /* the figure 8's crossing is a circle of 12 edges in common; the
          * seam where the sides change has 12 edges */
-        {"klein bottle", 1, 1, 132, 0, 12, 12, 0, NAN},
+        {"klein bottle", 1, 1, 132, 0, 12, 12, 0, NO_VOLUME},
         /* each of a cube's 18 edges four times; the triangle that is a point
          * has no edge and is a component by itself */
         {"doubled cube", 2, 1, 8, 0, 18, 0, 2, 2.0},
         /* each pair of the three boxes has an edge in common */
         {"pinched boxes", 1, 1, 19, 0, 3, 0, 0, 2.5},
-        {"fan of slivers", 1, 1, 202, 0, 0, 0, 0, NAN},
-        {"soup", 150, 0, 450, 450, 0, 0, 0, NAN},
-        {"flat", 1, 0, 49, 24, 0, 0, 0, NAN},
+        {"fan of slivers", 1, 1, 202, 0, 0, 0, 0, NO_VOLUME},
+        {"soup", 150, 0, 450, 450, 0, 0, 0, NO_VOLUME},
+        {"flat", 1, 0, 49, 24, 0, 0, 0, NO_VOLUME},
     };
     for (size_t i = 0; i < sizeof(known) / sizeof(known[0]); i++) {
         size_t index = 0;
@@ -85,7 +88,7 @@ static void known_figures(void)
         CHECK_INT(r.nonmanifold_edges, known[i].nonmanifold);
         CHECK_INT(r.inconsistent_edges, known[i].inconsistent);
         CHECK_INT(r.degenerate_triangles, known[i].degenerate);
-        if (!isnan(known[i].volume))
+        if (known[i].volume != NO_VOLUME)
             CHECK_NEAR(r.volume, known[i].volume, 1e-9);
         world_free(&w);
         shape_free(&s);

@@ -25,6 +25,11 @@ typedef struct vb_mode {
     uint16_t *visible; /* [5][points] */
 } vb_mode;
 
+enum { ORDERS = 8 };
+static const char *const orders[ORDERS] = {"auto", "standard", "extended",
+                                           "bfs",  "qdbfs",    "opaque_first",
+                                           "sato", "rtsah"};
+
 static void check(vocc_status status, const vocc_error *error)
 {
     if (status != VOCC_OK)
@@ -118,8 +123,6 @@ static void vb_close(void *user)
 
 static void vb_describe(void *user, FILE *json)
 {
-    static const char *const orders[] = {"auto", "standard", "extended", "bfs",
-                                         "qdbfs"};
     const vb_self *self = user;
     vocc_report r;
     vocc_error error;
@@ -147,18 +150,15 @@ static void vb_describe(void *user, FILE *json)
             "\"auto_order\": \"%s\"",
             r.opaque_volume_fraction,
             r.mesh_area > 0 ? r.occluder_area / r.mesh_area : 0.0,
-            r.auto_order >= 0 && r.auto_order <= 4 ? orders[r.auto_order]
-                                                   : "?");
+            orders[r.auto_order]);
 }
 
 /* ---- modes -------------------------------------------------------------- */
 
 static int order_of(const char *name, size_t length)
 {
-    static const char *const names[] = {"auto", "standard", "extended", "bfs",
-                                        "qdbfs"};
-    for (int i = 0; i < 5; i++)
-        if (strlen(names[i]) == length && memcmp(names[i], name, length) == 0)
+    for (int i = 0; i < ORDERS; i++)
+        if (strlen(orders[i]) == length && memcmp(orders[i], name, length) == 0)
             return i;
     return -1;
 }
@@ -187,6 +187,18 @@ static int setting(vocc_query_options *o, const char *key, const char *value)
         o->deferment = n;
     else if (strcmp(key, "cache") == 0)
         o->cache = n;
+    else if (strcmp(key, "cache_policy") == 0)
+        o->cache_policy = n;
+    else if (strcmp(key, "fusion") == 0)
+        o->fusion = n;
+    else if (strcmp(key, "triangle_cache") == 0)
+        o->triangle_cache = n;
+    else if (strcmp(key, "entry_points") == 0)
+        o->entry_points = n;
+    else if (strcmp(key, "entry_triangles") == 0)
+        o->entry_triangles = n;
+    else if (strcmp(key, "voxels") == 0)
+        o->voxels = n;
     else if (strcmp(key, "packets") == 0)
         o->packets = n;
     else if (strcmp(key, "threads") == 0)
@@ -237,6 +249,7 @@ static void *vb_prepare(void *user, const dr_job *job, const char *text,
         o->order = VOCC_ORDER_STANDARD;
         o->occluders = 0;
         o->cache = 0;
+        o->entry_points = 0;
     } else if ((o->order = order_of(text, length)) < 0) {
         *reason = "unknown mode";
         free(mode);
@@ -335,11 +348,20 @@ static void vb_count(void *prepared, dr_job *job, FILE *json)
                {"occluder_hits_tree", c.occluder_hits_tree},
                {"occluder_hits_cache", c.occluder_hits_cache},
                {"cache_lookups", c.cache_lookups},
+               {"triangle_cache_hits", c.triangle_cache_hits},
                {"fallbacks", c.fallbacks},
                {"deferred", c.deferred},
                {"queue_pushes", c.queue_pushes},
                {"queue_pops", c.queue_pops},
-               {"careful_rays", c.careful_rays}};
+               {"careful_rays", c.careful_rays},
+               {"entry_searches", c.entry_searches},
+               {"entry_steps", c.entry_steps},
+               {"entry_tests", c.entry_tests},
+               {"entry_lit_rays", c.entry_lit_rays},
+               {"entry_dark_rays", c.entry_dark_rays},
+               {"entry_few_rays", c.entry_few_rays},
+               {"voxel_lit_rays", c.voxel_lit_rays},
+               {"voxel_dark_rays", c.voxel_dark_rays}};
     for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
         fprintf(json, "%s\"%s\": %" PRIu64, i > 0 ? ", " : "", all[i].name,
                 all[i].value);

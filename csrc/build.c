@@ -255,13 +255,13 @@ static int build_node(builder *b, uint32_t index, const pending *node)
     if (!grow(b, &b->nodes, &b->node_capacity, b->node_count, b->node_count + 2,
               sizeof *b->nodes))
         return 0;
-    if (b->node_count / 2 >= (size_t)1 << 26)
+    if (b->node_count / 2 >= VOCC_MAX_PAIRS)
         return fail(b, VOCC_ERROR_LIMIT);
     pair = (uint32_t)(b->node_count / 2);
     b->node_count += 2;
     memset(&b->nodes[2 * pair], 0, 2 * sizeof *b->nodes);
     b->nodes[index].at.split_pos = split.pos;
-    b->nodes[index].bits = (uint32_t)split.axis | pair << 6;
+    b->nodes[index].bits = (uint32_t)split.axis | pair << VOCC_PAIR_SHIFT;
     /* The child above lies on top of the stack. */
     return build_node(b, 2 * pair + 1, &child[1]) &&
            build_node(b, 2 * pair, &child[0]);
@@ -322,7 +322,7 @@ static vocc_status run_task(void *context, size_t job, int worker,
 static vocc_node moved(vocc_node n, uint32_t pairs, uint32_t leaves)
 {
     if (!vocc_is_leaf(n))
-        n.bits += pairs << 6;
+        n.bits += pairs << VOCC_PAIR_SHIFT;
     else if (vocc_label_of(n) == VOCC_BOUNDARY)
         n.at.first += leaves;
     return n;
@@ -337,7 +337,7 @@ static vocc_status join(const builder *top, vocc_tree *tree)
         nodes += top->tasks[i].node_count - 2;
         leaves += top->tasks[i].leaf_count;
     }
-    if (nodes / 2 > (size_t)1 << 26 || leaves > (size_t)UINT32_MAX)
+    if (nodes / 2 > VOCC_MAX_PAIRS || leaves > (size_t)UINT32_MAX)
         return VOCC_ERROR_LIMIT;
     tree->nodes = vocc_allocate(allocator, nodes, sizeof *tree->nodes);
     tree->references =

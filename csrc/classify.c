@@ -417,9 +417,10 @@ static void set_tags(vocc_tree *tree)
             continue;
         below = tree->nodes[vocc_children(*n)].bits;
         above = tree->nodes[vocc_children(*n) + 1].bits;
-        below = (below & 3u) == VOCC_LEAF ? below & 12u : 0;
-        above = (above & 3u) == VOCC_LEAF ? above & 12u : 0;
-        n->bits |= below | above << 2;
+        below = (below & 3u) == VOCC_LEAF ? below >> 2 & 3u : 0;
+        above = (above & 3u) == VOCC_LEAF ? above >> 2 & 3u : 0;
+        if (below | above)
+            n->bits |= VOCC_TAGGED | (below | above << 2) << VOCC_TAG_SHIFT;
     }
 }
 

@@ -8,6 +8,7 @@ void vocc_tree_free(const vocc_allocator *allocator, vocc_tree *tree)
     vocc_release(allocator, tree->nodes);
     vocc_release(allocator, tree->references);
     vocc_release(allocator, tree->corners);
+    vocc_release(allocator, tree->planes);
     vocc_release(allocator, tree->ids);
     vocc_release(allocator, tree->opaque);
     vocc_release(allocator, tree->grown);

@@ -8,16 +8,21 @@
  * starts at an even index, in one cache line.  The root is node 0; node 1 is
  * not used.  `bits` of an interior node:
  *     1..0   split_axis, 0 to 2
- *     3..2   tag of the child below the plane
- *     5..4   tag of the child above
- *     31..6  index of the pair: the children are nodes 2 * pair, 2 * pair + 1
+ *     2      1: a child is an empty leaf.  Then
+ *     4..3       tag of the child below the plane
+ *     6..5       tag of the child above;
+ *            0: both children have to be visited.  Then
+ *     5..3       for each vocc_first, 1 if the child above comes first
+ *     31..7  index of the pair: the children are nodes 2 * pair, 2 * pair + 1
  * and of a leaf:
  *     1..0   3
  *     3..2   label
  *     31..4  number of references
  * A tag is the child's label if it is an empty leaf; 0 (VOCC_BOUNDARY) if it
  * has to be visited.  A walk sees from the parent that a child is empty or a
- * volumetric occluder (slides, "Volumetric occluder intersection"). */
+ * volumetric occluder (slides, "Volumetric occluder intersection").  Where both
+ * children are visited no tag is needed, so the orders that do not depend on
+ * the ray have a bit there. */
 #ifndef VOCC_KDTREE_H
 #define VOCC_KDTREE_H
 
@@ -25,12 +30,25 @@
 #include "vocc.h"
 
 #define VOCC_LEAF 3u
+#define VOCC_TAGGED 4u
+#define VOCC_TAG_SHIFT 3
+#define VOCC_PAIR_SHIFT 7
+#define VOCC_MAX_PAIRS ((size_t)1 << (32 - VOCC_PAIR_SHIFT))
 #define VOCC_MAX_DEPTH 60
 
 /* No plane lies at 0 < |split_pos| < VOCC_TINY, nor do the tree's bounds: so a
  * plane less a ray's origin, where that is 0 or not tiny either, is 0 or not
  * below 2^-94, and t is never subnormal in float32. */
 #define VOCC_TINY 0x1p-70f
+
+/* Orders that say once for all rays which child is visited first:
+ * child_order.c. */
+typedef enum vocc_first {
+    VOCC_FIRST_OPAQUE,
+    VOCC_FIRST_SATO,
+    VOCC_FIRST_RTSAH,
+    VOCC_FIRST_COUNT
+} vocc_first;
 
 typedef struct vocc_node {
     union {
@@ -53,6 +71,7 @@ typedef struct vocc_tree {
     uint32_t *references; /* triangles of the leaves */
     size_t reference_count;
     float *corners; /* 9 a triangle, in the order of first reference, and 1 */
+    float *planes;  /* 4 a triangle: planes.h */
     uint32_t *ids;  /* triangle of the scene, for each of the tree's */
     size_t triangle_count;
     vocc_opaque *opaque; /* leaf -> bounds table of the volumetric occluders */
@@ -76,7 +95,19 @@ VOCC_INLINE unsigned vocc_axis(vocc_node n)
 
 VOCC_INLINE uint32_t vocc_children(vocc_node n)
 {
-    return (n.bits >> 6) * 2u;
+    return (n.bits >> VOCC_PAIR_SHIFT) * 2u;
+}
+
+/* Both tags, that of the child below in the lower two bits; 0: none. */
+VOCC_INLINE unsigned vocc_tags(vocc_node n)
+{
+    return n.bits & VOCC_TAGGED ? n.bits >> VOCC_TAG_SHIFT & 15u : 0;
+}
+
+/* For a node without tags: 1 if the child above comes first. */
+VOCC_INLINE unsigned vocc_above_first(vocc_node n, vocc_first order)
+{
+    return n.bits >> (VOCC_TAG_SHIFT + (unsigned)order) & 1u;
 }
 
 VOCC_INLINE unsigned vocc_label_of(vocc_node leaf)

@@ -28,23 +28,30 @@ int vocc_light_init(vocc_light *light, const vocc_rect_light *source,
     return 1;
 }
 
-int32_t vocc_light_region(const vocc_light *light, const vocc_tree *tree,
-                          const double reach[3])
+void vocc_light_target(const vocc_light *light, const vocc_tree *tree,
+                       const double reach[3], vocc_target *target)
 {
-    double lower[3], upper[3];
-    int32_t region;
-    int k;
+    int k, i;
+    target->slack = 0.0;
     for (k = 0; k < 3; k++) {
         const double p = (double)light->corner[k], u = (double)light->edge_u[k],
                      v = (double)light->edge_v[k];
-        /* A point of the light has four float32 roundings of numbers up to
-         * `size`; the direction to it one, of numbers up to size + reach:
-         * org + dir is off by less than 2^-22 of the latter. */
+        /* With u = 2^-24: a and b may be 2 u more than 1, a point has four
+         * roundings of numbers up to `size`, the direction to it one of numbers
+         * up to size + reach: org + dir is off by less than 8 u of the latter,
+         * and corners are rounded to float32 by less than as much again. */
         const double size = vocc_abs(p) + vocc_abs(u) + vocc_abs(v);
-        const double margin = 0x1p-22 * (size + reach[k]) + 0x1p-140;
-        lower[k] = p + (u < 0.0 ? u : 0.0) + (v < 0.0 ? v : 0.0) - margin;
-        upper[k] = p + (u > 0.0 ? u : 0.0) + (v > 0.0 ? v : 0.0) + margin;
+        const double margin = 0x1p-21 * (size + reach[k]) + 0x1p-140;
+        target->lower[k] =
+            p + (u < 0.0 ? u : 0.0) + (v < 0.0 ? v : 0.0) - margin;
+        target->upper[k] =
+            p + (u > 0.0 ? u : 0.0) + (v > 0.0 ? v : 0.0) + margin;
+        target->slack =
+            2.0 * margin > target->slack ? 2.0 * margin : target->slack;
+        for (i = 0; i < 4; i++)
+            target->corner[i][k] =
+                (float)(p + (i & 1 ? u : 0.0) + (i & 2 ? v : 0.0));
     }
-    return vocc_locate_box(tree, lower, upper, &region) ? region
-                                                        : VOCC_END_UNKNOWN;
+    if (!vocc_locate_box(tree, target->lower, target->upper, &target->region))
+        target->region = VOCC_END_UNKNOWN;
 }

@@ -5,6 +5,7 @@
 #include "kdtree.h"
 #include "platform.h"
 #include "sampler.h"
+#include "shaft.h"
 #include "vocc.h"
 
 /* A rectangle in the scene's float32 coordinates. */
@@ -29,11 +30,12 @@ VOCC_INLINE void vocc_light_point(const vocc_light *light, float a, float b,
             (light->corner[k] + a * light->edge_u[k]) + b * light->edge_v[k];
 }
 
-/* The region that every ray from a point with |coordinates| up to reach[] to
- * the light ends in: a region's number, or VOCC_END_UNKNOWN if triangles are
- * too near to the light to say so for all. */
-VOCC_INTERNAL int32_t vocc_light_region(const vocc_light *light,
-                                        const vocc_tree *tree,
-                                        const double reach[3]);
+/* What every ray from a point with |coordinates| up to reach[] to the light
+ * ends on.  Its region is VOCC_END_UNKNOWN if triangles are too near to the
+ * light to name one for all. */
+VOCC_INTERNAL void vocc_light_target(const vocc_light *light,
+                                     const vocc_tree *tree,
+                                     const double reach[3],
+                                     vocc_target *target);
 
 #endif

@@ -1,6 +1,7 @@
 #include "query.h"
 #include "array.h"
 #include "memory.h"
+#include "shaft.h"
 #include "status.h"
 #include "vec3.h"
 #include "walk.h"
@@ -20,6 +21,9 @@ void vocc_query_options_init(vocc_query_options *options)
     options->occluders = 1;
     options->deferment = VOCC_MAX_DEFERMENT;
     options->cache = 8;
+    options->fusion = 1;
+    options->entry_points = -1;
+    options->entry_triangles = 8;
     options->packets = 1;
     options->isa = VOCC_ISA_AUTO;
 }
@@ -33,7 +37,7 @@ static vocc_status check_options(const vocc_query_options *o, vocc_error *error)
             "options: size is %" PRIu32 ", not sizeof(vocc_query_options)",
             o->size);
     s = vocc_check_range(error, "order", o->order, VOCC_ORDER_AUTO,
-                         VOCC_ORDER_QDBFS);
+                         VOCC_ORDER_RTSAH);
     if (s == VOCC_OK)
         s = vocc_check_range(error, "occluders", o->occluders, 0, 1);
     if (s == VOCC_OK)
@@ -41,6 +45,20 @@ static vocc_status check_options(const vocc_query_options *o, vocc_error *error)
                              VOCC_MAX_DEFERMENT);
     if (s == VOCC_OK)
         s = vocc_check_range(error, "cache", o->cache, 0, VOCC_MAX_CACHE);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "cache_policy", o->cache_policy,
+                             VOCC_CACHE_RECENT, VOCC_CACHE_DIRECTION);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "fusion", o->fusion, 0, 1);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "triangle_cache", o->triangle_cache, 0, 1);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "entry_points", o->entry_points, -1, 1);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "entry_triangles", o->entry_triangles, 0,
+                             VOCC_SHAFT_TRIANGLES);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "voxels", o->voxels, 0, 1024);
     if (s == VOCC_OK)
         s = vocc_check_range(error, "packets", o->packets, 0, 1);
     if (s == VOCC_OK)
@@ -79,10 +97,12 @@ vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
             return status;
         query->options = *options;
     }
+    if (query->options.entry_points < 0)
+        query->options.entry_points = query->options.order == VOCC_ORDER_AUTO;
     if (query->options.order == VOCC_ORDER_AUTO) {
         query->options.order = scene->built.report.auto_order;
-        if (!scene->built.auto_cache)
-            query->options.cache = 0;
+        if (!scene->built.auto_occluders)
+            query->options.occluders = 0;
     }
     query->kernels = vocc_find_kernels(&query->options);
     if (!query->kernels)
@@ -252,7 +272,7 @@ static vocc_status trace_rays(void *context, size_t job, int worker,
     if (end > q->rays->count)
         end = q->rays->count;
     /* So that counters do not depend on which worker took which job. */
-    w->tracer->cache.count = 0;
+    vocc_tracer_forget(w->tracer);
     for (; first < end; first += w->block->count) {
         w->block->count = end - first < VOCC_BLOCK ? end - first : VOCC_BLOCK;
         load_block(q, first, w->block);

@@ -1,8 +1,10 @@
 #include "scene.h"
 #include "build.h"
+#include "child_order.h"
 #include "classify.h"
 #include "memory.h"
 #include "occluders.h"
+#include "planes.h"
 #include "status.h"
 #include "vec3.h"
 
@@ -366,11 +368,10 @@ static double area_of_solids(const vocc_built *built)
 static void choose_order(vocc_built *built)
 {
     const vocc_report *r = &built->report;
+    built->auto_occluders =
+        r->mesh_area > 0.0 && r->occluder_area >= 2.75 * r->mesh_area;
     built->report.auto_order =
-        r->mesh_area > 0.0 && r->occluder_area >= 12.0 * r->mesh_area
-            ? VOCC_ORDER_QDBFS
-            : VOCC_ORDER_STANDARD;
-    built->auto_cache = r->occluder_area >= 1.5 * r->mesh_area;
+        built->auto_occluders ? VOCC_ORDER_OPAQUE_FIRST : VOCC_ORDER_STANDARD;
 }
 
 static void fill_report(const vocc_scene *scene, vocc_built *built,
@@ -403,12 +404,12 @@ static void fill_report(const vocc_scene *scene, vocc_built *built,
     r->opaque_volume_fraction = volume > 0.0 ? c->opaque_volume / volume : 0.0;
     r->occluder_area = c->opaque_area;
     r->mesh_area = area_of_solids(built);
-    r->tree_bytes =
-        t->node_count * sizeof *t->nodes +
-        t->reference_count * sizeof *t->references +
-        t->triangle_count * (9 * sizeof *t->corners + sizeof *t->ids +
-                             sizeof *built->solid_of_triangle) +
-        t->opaque_count * sizeof *t->opaque;
+    r->tree_bytes = t->node_count * sizeof *t->nodes +
+                    t->reference_count * sizeof *t->references +
+                    t->triangle_count *
+                        (9 * sizeof *t->corners + 4 * sizeof *t->planes +
+                         sizeof *t->ids + sizeof *built->solid_of_triangle) +
+                    t->opaque_count * sizeof *t->opaque;
     choose_order(built);
 }
 
@@ -470,6 +471,9 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
                            &classification);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
+    vocc_order_children(&built->tree);
+    if (!vocc_make_planes(a, &built->tree))
+        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
     vocc_ticker_stage(ticker, 0.95, 1.0);
     status = vocc_grow_occluders(a, &built->tree, options->threads, ticker);
     if (status != VOCC_OK)

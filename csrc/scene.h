@@ -14,7 +14,7 @@ typedef struct vocc_built {
     double origin[3];
     vocc_tree tree;
     vocc_report report;
-    int auto_cache;          /* whether the occluder cache pays in AUTO order */
+    int auto_occluders;      /* whether occluders pay in AUTO order */
     uint32_t *mesh_first;    /* first triangle of each mesh, and the total */
     vocc_analysis *analyses; /* of each mesh */
     size_t analysis_count;

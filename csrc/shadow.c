@@ -4,21 +4,18 @@
 #include "memory.h"
 #include "query.h"
 #include "sampler.h"
+#include "shaft.h"
 #include "status.h"
+#include "tile.h"
 #include "vec3.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <string.h>
 
-/* Points a job.  Within it the order is light, point, sample: rays that follow
- * each other are alike, and one cache serves one light. */
-enum { JOB_POINTS = 256 };
-
 typedef struct shadow {
     vocc_query query;
-    size_t count;
-    vocc_array points, normals, point_ids;
+    vocc_points points;
     const vocc_light *lights;
     size_t light_count;
     vocc_strata strata;
@@ -26,148 +23,309 @@ typedef struct shadow {
     uint16_t *visible;
 } shadow;
 
-/* The points of a job, read once for all lights. */
-typedef struct tile {
-    size_t first, count;
-    float point[JOB_POINTS][3];
-    double normal[JOB_POINTS][3];
-    uint32_t id[JOB_POINTS];
-    uint8_t usable[JOB_POINTS];
-    double reach[3]; /* largest |coordinate| of a usable point */
-} tile;
+/* One light at the points of a tile, under way. */
+typedef struct lighting {
+    const shadow *s;
+    int worker_number;
+    const vocc_worker *worker;
+    const vocc_tile *t;
+    size_t number; /* of the light */
+    const vocc_light *light;
+    vocc_target target;
+    uint16_t lit[VOCC_TILE_POINTS]; /* the points that face the light */
+    uint16_t owner[VOCC_BLOCK];     /* the point of each ray of the block */
+    uint32_t blocked[VOCC_TILE_POINTS];
+    /* Triangles that the rays can meet; NULL: all below the entry node. */
+    const uint32_t *among;
+    int among_count;
+    uint32_t polled;
+    vocc_jobs *jobs;
+    vocc_shaft shaft;
+    vocc_shaft_walk walk;
+} lighting;
 
-/* Which point each ray of the block belongs to. */
-typedef struct batch {
-    uint16_t owner[VOCC_BLOCK];
-    uint32_t blocked[JOB_POINTS];
-} batch;
-
-static void load_tile(const shadow *s, size_t job, tile *t)
-{
-    const double *origin = s->query.scene->built.origin;
-    size_t i;
-    int k;
-    t->first = job * JOB_POINTS;
-    t->count =
-        s->count - t->first < JOB_POINTS ? s->count - t->first : JOB_POINTS;
-    t->reach[0] = t->reach[1] = t->reach[2] = 0.0;
-    for (i = 0; i < t->count; i++) {
-        t->usable[i] = 1;
-        for (k = 0; k < 3; k++) {
-            t->point[i][k] =
-                (float)(vocc_get_float(&s->points, t->first + i, k) -
-                        origin[k]);
-            t->normal[i][k] = vocc_get_float(&s->normals, t->first + i, k);
-            t->usable[i] &= vocc_finitef(t->point[i][k]) != 0;
-        }
-        t->id[i] =
-            s->point_ids.data
-                ? *(const uint32_t *)vocc_row(&s->point_ids, t->first + i)
-                : (uint32_t)(t->first + i);
-        for (k = 0; t->usable[i] && k < 3; k++) {
-            const double x = vocc_abs((double)t->point[i][k]);
-            t->reach[k] = x > t->reach[k] ? x : t->reach[k];
-        }
-    }
-}
+/* ---- rays -------------------------------------------------------------------
+ */
 
 /* Whether the light's centre is above the surface; not so if a value is NaN. */
-static int faces(const tile *t, size_t i, const vocc_light *light)
+static int faces(const vocc_tile *t, size_t i, const vocc_light *light)
 {
     const double *n = t->normal[i];
     const float *p = t->point[i];
-    return t->usable[i] && n[0] * (light->centre[0] - (double)p[0]) +
-                                   n[1] * (light->centre[1] - (double)p[1]) +
-                                   n[2] * (light->centre[2] - (double)p[2]) >
-                               0.0;
+    return n[0] * (light->centre[0] - (double)p[0]) +
+               n[1] * (light->centre[1] - (double)p[1]) +
+               n[2] * (light->centre[2] - (double)p[2]) >
+           0.0;
 }
 
-static void trace_batch(shadow *s, const vocc_worker *w, batch *b)
+static vocc_status trace_block(lighting *g)
 {
+    vocc_block *block = g->worker->block;
     size_t i;
-    s->query.kernels->occluded(w->tracer, w->block);
-    for (i = 0; i < w->block->count; i++)
-        b->blocked[b->owner[i]] += w->block->occluded[i];
-    w->block->count = 0;
+    if (g->among)
+        g->s->query.kernels->occluded_among(g->worker->tracer, block, g->among,
+                                            g->among_count);
+    else
+        g->s->query.kernels->occluded(g->worker->tracer, block);
+    for (i = 0; i < block->count; i++)
+        g->blocked[g->owner[i]] += block->occluded[i];
+    block->count = 0;
+    return (++g->polled & 15) == 0 && vocc_jobs_poll(g->jobs, g->worker_number)
+               ? VOCC_ERROR_CANCELLED
+               : VOCC_OK;
+}
+
+/* All samples at one point. */
+static vocc_status trace_point(lighting *g, uint16_t which)
+{
+    const shadow *s = g->s;
+    const float *const point = g->t->point[which];
+    vocc_block *block = g->worker->block;
+    uint32_t sample;
+    int k;
+    for (sample = 0; sample < s->strata.samples; sample++) {
+        const size_t r = block->count++;
+        float a, b, p[3];
+        vocc_sample(&s->strata, g->t->id[which], (uint32_t)g->number,
+                    &s->order[sample], &a, &b);
+        vocc_light_point(g->light, a, b, p);
+        for (k = 0; k < 3; k++) {
+            block->org[k][r] = point[k];
+            block->dir[k][r] = p[k] - point[k];
+        }
+        block->tmin[r] = 0.0f;
+        block->tmax[r] = 1.0f;
+        block->end_region[r] = g->target.region;
+        g->owner[r] = which;
+        if (block->count == VOCC_BLOCK) {
+            const vocc_status status = trace_block(g);
+            if (status != VOCC_OK)
+                return status;
+        }
+    }
+    return VOCC_OK;
+}
+
+static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
+{
+    uint32_t *const steps = g->s->query.options.point_steps;
+    const uint64_t *const visits = &g->worker->tracer->counters.node_visits;
+    vocc_status status = VOCC_OK;
+    size_t i;
+    for (i = 0; i < count && status == VOCC_OK; i++) {
+        const uint64_t before = *visits;
+        status = trace_point(g, which[i]);
+        /* Packets of this point only. */
+        if (steps && status == VOCC_OK)
+            status = trace_block(g);
+        if (steps)
+            steps[g->t->number[which[i]]] += (uint32_t)(*visits - before);
+    }
+    return status == VOCC_OK ? trace_block(g) : status;
+}
+
+/* ---- groups of points -------------------------------------------------------
+ */
+
+/* A group that a shaft cannot settle is quartered until it is as small as
+ * this: a walk costs about as much as the rays of some points. */
+enum { SMALLEST_GROUP = 4 };
+
+static vocc_shaft_result walk_group(lighting *g, const uint16_t *which,
+                                    size_t count)
+{
+    vocc_tracer *tracer = g->worker->tracer;
+    if (!vocc_shaft_init(&g->shaft, tracer->tree, g->t->point, which, count,
+                         &g->target)) {
+        vocc_shaft_walk_at_root(&g->walk, tracer->tree);
+        return VOCC_SHAFT_MANY;
+    }
+    return (vocc_shaft_result)g->s->query.kernels->walk_shaft(tracer, &g->shaft,
+                                                              &g->walk);
+}
+
+/* All rays of the group are lit, or all dark. */
+static uint64_t settle_group(lighting *g, const uint16_t *which, size_t count,
+                             int dark)
+{
+    const uint32_t samples = g->s->strata.samples;
+    const uint64_t rays = (uint64_t)count * samples;
+    size_t i;
+    g->worker->tracer->counters.rays += rays;
+    if (dark) {
+        g->worker->tracer->counters.occluded += rays;
+        for (i = 0; i < count; i++)
+            g->blocked[which[i]] = samples;
+    }
+    return rays;
+}
+
+static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
+{
+    vocc_tracer *tracer = g->worker->tracer;
+    vocc_counters *counters = &tracer->counters;
+    vocc_status status = VOCC_OK;
+    counters->entry_searches++;
+    switch (walk_group(g, which, count)) {
+    case VOCC_SHAFT_LIT:
+        counters->entry_lit_rays += settle_group(g, which, count, 0);
+        break;
+    case VOCC_SHAFT_DARK:
+        counters->entry_dark_rays += settle_group(g, which, count, 1);
+        break;
+    case VOCC_SHAFT_FEW:
+        counters->entry_few_rays += (uint64_t)count * g->s->strata.samples;
+        g->among = g->walk.triangles;
+        g->among_count = g->walk.count;
+        status = trace_group(g, which, count);
+        g->among = NULL;
+        break;
+    case VOCC_SHAFT_MANY:
+    default:
+        if (count > SMALLEST_GROUP) {
+            const size_t part = (count + 3) / 4;
+            size_t i;
+            for (i = 0; i < count && status == VOCC_OK; i += part)
+                status = light_group(g, which + i,
+                                     count - i < part ? count - i : part);
+        } else {
+            vocc_tracer_enter(tracer, g->walk.entry, g->walk.entry_lower,
+                              g->walk.entry_upper);
+            status = trace_group(g, which, count);
+            vocc_tracer_at_root(tracer);
+        }
+    }
+    return status;
+}
+
+/* Groups of neighbours, as large as the last ones could be. */
+static vocc_status light_neighbours(lighting *g, const uint16_t *which,
+                                    size_t count)
+{
+    const uint64_t *const searches =
+        &g->worker->tracer->counters.entry_searches;
+    size_t size = VOCC_SHAFT_POINTS, i = 0;
+    vocc_status status = VOCC_OK;
+    while (i < count && status == VOCC_OK) {
+        const size_t part = count - i < size ? count - i : size;
+        const uint64_t before = *searches;
+        status = light_group(g, which + i, part);
+        i += part;
+        if (*searches - before > 1)
+            size = size / 2 > SMALLEST_GROUP ? size / 2 : SMALLEST_GROUP;
+        else
+            size = 2 * size < VOCC_SHAFT_POINTS ? 2 * size : VOCC_SHAFT_POINTS;
+    }
+    return status;
+}
+
+/* Without groups, or what voxels leave. */
+static vocc_status light_points(lighting *g, const uint16_t *which,
+                                size_t count)
+{
+    return g->s->query.options.entry_points ? light_neighbours(g, which, count)
+                                            : trace_group(g, which, count);
+}
+
+/* Voxel occlusion testing (Woo and Amanatides, "Voxel Occlusion Testing: A
+ * Shadow Determination Accelerator for Ray Tracing", 1990): a voxel is null if
+ * the light is seen from all of it, full if from nowhere in it; only in the
+ * others rays are traced.  Here "all of it" are the points asked for, up to
+ * VOCC_SHAFT_POINTS at a time. */
+static vocc_status light_voxels(lighting *g, const uint16_t *which,
+                                size_t count)
+{
+    vocc_counters *counters = &g->worker->tracer->counters;
+    vocc_status status = VOCC_OK;
+    size_t i, n;
+    for (i = 0; i < count && status == VOCC_OK; i += n) {
+        for (n = 1; i + n < count && n < VOCC_SHAFT_POINTS &&
+                    g->t->voxel[which[i + n]] == g->t->voxel[which[i]];)
+            n++;
+        switch (walk_group(g, which + i, n)) {
+        case VOCC_SHAFT_LIT:
+            counters->voxel_lit_rays += settle_group(g, which + i, n, 0);
+            break;
+        case VOCC_SHAFT_DARK:
+            counters->voxel_dark_rays += settle_group(g, which + i, n, 1);
+            break;
+        case VOCC_SHAFT_FEW:
+        case VOCC_SHAFT_MANY:
+        default:
+            status = light_points(g, which + i, n);
+        }
+    }
+    return status;
 }
 
 /* One light at all points of a tile. */
-static vocc_status light_tile(shadow *s, const vocc_worker *w, int worker,
-                              const tile *t, batch *b, size_t l,
-                              vocc_jobs *jobs)
+static vocc_status light_tile(lighting *g, size_t l)
 {
-    const vocc_light *light = &s->lights[l];
-    const int32_t end = vocc_light_region(light, w->tracer->tree, t->reach);
-    uint16_t *visible = s->visible + l * s->count + t->first;
-    vocc_block *block = w->block;
-    uint32_t sample, polled = 0;
-    size_t i;
-    int k;
-    memset(b->blocked, 0, sizeof b->blocked);
-    w->tracer->cache.count = 0;
-    block->count = 0;
-    for (i = 0; i < t->count; i++) {
-        visible[i] = VOCC_NOT_TRACED;
-        if (!faces(t, i, light))
-            continue;
-        visible[i] = 0;
-        for (sample = 0; sample < s->strata.samples; sample++) {
-            const size_t r = block->count++;
-            float a, c, p[3];
-            vocc_sample(&s->strata, t->id[i], (uint32_t)l, &s->order[sample],
-                        &a, &c);
-            vocc_light_point(light, a, c, p);
-            for (k = 0; k < 3; k++) {
-                block->org[k][r] = t->point[i][k];
-                block->dir[k][r] = p[k] - t->point[i][k];
-            }
-            block->tmin[r] = 0.0f;
-            block->tmax[r] = 1.0f;
-            block->end_region[r] = end;
-            b->owner[r] = (uint16_t)i;
-            if (block->count == VOCC_BLOCK) {
-                trace_batch(s, w, b);
-                if ((++polled & 15) == 0 && vocc_jobs_poll(jobs, worker))
-                    return VOCC_ERROR_CANCELLED;
-            }
-        }
-    }
-    trace_batch(s, w, b);
+    const shadow *s = g->s;
+    const vocc_tile *t = g->t;
+    uint16_t *visible = s->visible + l * s->points.count;
+    vocc_status status;
+    size_t i, count = 0;
+    g->number = l;
+    g->light = &s->lights[l];
+    vocc_light_target(g->light, g->worker->tracer->tree, t->reach, &g->target);
+    memset(g->blocked, 0, sizeof g->blocked);
+    vocc_tracer_forget(g->worker->tracer);
+    g->walk.box_count = 0;
+    for (i = 0; i < t->count + t->unused; i++)
+        visible[t->number[i]] = VOCC_NOT_TRACED;
     for (i = 0; i < t->count; i++)
-        if (visible[i] != VOCC_NOT_TRACED)
-            visible[i] = (uint16_t)(s->strata.samples - b->blocked[i]);
-    return VOCC_OK;
+        if (faces(t, i, g->light))
+            g->lit[count++] = (uint16_t)i;
+    status = s->query.options.voxels ? light_voxels(g, g->lit, count)
+                                     : light_points(g, g->lit, count);
+    for (i = 0; i < count; i++)
+        visible[t->number[g->lit[i]]] =
+            (uint16_t)(s->strata.samples - g->blocked[g->lit[i]]);
+    return status;
 }
 
 static vocc_status shade_tile(void *context, size_t job, int worker,
                               vocc_jobs *jobs)
 {
-    shadow *s = context;
-    const vocc_worker *w = &s->query.workers[worker];
-    tile t;
-    batch b;
+    const shadow *s = context;
+    vocc_tile t;
+    lighting g;
     size_t l;
     vocc_status status = VOCC_OK;
-    load_tile(s, job, &t);
+    vocc_tile_load(&t, &s->points, job);
+    g.s = s;
+    g.worker_number = worker;
+    g.worker = &s->query.workers[worker];
+    g.worker->block->count = 0;
+    g.t = &t;
+    g.among = NULL;
+    g.polled = 0;
+    g.jobs = jobs;
+    g.walk.most = s->query.options.entry_triangles;
     for (l = 0; l < s->light_count && status == VOCC_OK; l++)
-        status = light_tile(s, w, worker, &t, &b, l, jobs);
+        status = light_tile(&g, l);
     return status;
 }
+
+/* ---- the call ---------------------------------------------------------------
+ */
 
 static vocc_status check_shadow(const shadow *s, const vocc_rect_light *lights,
                                 int32_t samples, vocc_error *error)
 {
+    const vocc_points *p = &s->points;
     vocc_status status =
-        vocc_check_floats(s->points, s->count, "points", error);
+        vocc_check_floats(p->position, p->count, "points", error);
     if (status == VOCC_OK)
-        status = vocc_check_floats(s->normals, s->count, "normals", error);
+        status = vocc_check_floats(p->normal, p->count, "normals", error);
     if (status != VOCC_OK)
         return status;
-    if (s->point_ids.data && s->point_ids.type != VOCC_UINT32)
+    if (p->id.data && p->id.type != VOCC_UINT32)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "point_ids", -1,
-                         (double)s->point_ids.type,
+                         (double)p->id.type,
                          "point_ids: type %" PRId32 " is not VOCC_UINT32",
-                         s->point_ids.type);
+                         p->id.type);
     if (!lights && s->light_count)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights", -1,
                          (double)NAN, "lights: NULL");
@@ -177,11 +335,11 @@ static vocc_status check_shadow(const shadow *s, const vocc_rect_light *lights,
                          "samples is %" PRId32 ": it has to be from 1 to %d",
                          samples, VOCC_NOT_TRACED - 1);
     if (s->light_count &&
-        s->count > SIZE_MAX / sizeof(uint16_t) / s->light_count)
-        return vocc_fail(error, VOCC_ERROR_LIMIT, "count", -1, (double)s->count,
-                         "count is %zu: too much for %zu lights", s->count,
+        p->count > SIZE_MAX / sizeof(uint16_t) / s->light_count)
+        return vocc_fail(error, VOCC_ERROR_LIMIT, "count", -1, (double)p->count,
+                         "count is %zu: too much for %zu lights", p->count,
                          s->light_count);
-    if (!s->visible && s->light_count && s->count)
+    if (!s->visible && s->light_count && p->count)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "visible", -1,
                          (double)NAN, "visible: NULL");
     return VOCC_OK;
@@ -195,16 +353,18 @@ vocc_status vocc_light_visibility(const vocc_scene *scene, size_t count,
                                   const vocc_query_options *options,
                                   vocc_error *error)
 {
-    const size_t jobs = count / JOB_POINTS + (count % JOB_POINTS != 0);
+    const size_t jobs =
+        count / VOCC_TILE_POINTS + (count % VOCC_TILE_POINTS != 0);
     shadow s;
     vocc_light *moved;
     double bad = 0.0;
     vocc_status status;
     size_t l;
-    s.count = count;
-    s.points = points;
-    s.normals = normals;
-    s.point_ids = point_ids;
+    memset(&s.points, 0, sizeof s.points);
+    s.points.count = count;
+    s.points.position = points;
+    s.points.normal = normals;
+    s.points.id = point_ids;
     s.light_count = light_count;
     s.visible = visible;
     status = check_shadow(&s, lights, samples, error);
@@ -222,13 +382,23 @@ vocc_status vocc_light_visibility(const vocc_scene *scene, size_t count,
     for (l = 0; status == VOCC_OK && l < light_count; l++)
         if (!vocc_light_init(&moved[l], &lights[l], scene->built.origin, &bad))
             status = VOCC_ERROR_INVALID_ARGUMENT;
+    memcpy(s.points.origin, scene->built.origin, sizeof s.points.origin);
+    s.points.neighbours = s.query.options.entry_points;
+    if (status == VOCC_OK && s.query.options.voxels &&
+        !vocc_points_by_voxel(&scene->allocator, &s.points,
+                              s.query.options.voxels))
+        status = VOCC_ERROR_OUT_OF_MEMORY;
     if (status == VOCC_OK) {
+        if (s.query.options.point_steps)
+            memset(s.query.options.point_steps, 0,
+                   count * sizeof *s.query.options.point_steps);
         vocc_order_samples(&s.strata, s.order);
         s.lights = moved;
         status = vocc_query_run(&s.query, jobs, shade_tile, &s);
     }
     vocc_release(&scene->allocator, moved);
     vocc_release(&scene->allocator, s.order);
+    vocc_release(&scene->allocator, s.points.by_voxel);
     status = vocc_query_end(&s.query, status, error);
     if (status == VOCC_ERROR_INVALID_ARGUMENT)
         return vocc_fail(error, status, "lights", (int64_t)l - 1, bad,

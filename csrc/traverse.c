@@ -30,12 +30,18 @@ const vocc_kernels *vocc_find_kernels(const vocc_query_options *options)
     return four && !options->packets ? &vocc_kernels_single : four;
 }
 
+static size_t cell_count(const vocc_occluder_cache *cache)
+{
+    return 6 * (size_t)cache->size * (size_t)cache->size;
+}
+
 vocc_tracer *vocc_tracer_create(const vocc_allocator *allocator,
                                 const vocc_tree *tree,
                                 const vocc_query_options *options,
                                 const vocc_kernels *kernels)
 {
     vocc_tracer *tracer = vocc_allocate(allocator, 1, sizeof *tracer);
+    int failed = 0;
     if (!tracer)
         return NULL;
     memset(tracer, 0, sizeof *tracer);
@@ -43,24 +49,55 @@ vocc_tracer *vocc_tracer_create(const vocc_allocator *allocator,
     tracer->order = options->order;
     tracer->occluders = options->occluders;
     tracer->deferment = options->deferment;
-    tracer->counting = options->counters != NULL;
+    tracer->counting = options->counters || options->point_steps;
     tracer->cache.size = options->occluders ? options->cache : 0;
-    if (options->order >= VOCC_ORDER_BFS) {
-        tracer->queue = vocc_allocate(allocator, VOCC_QUEUE_ENTRIES,
-                                      kernels->queue_entry_bytes);
-        if (!tracer->queue) {
-            vocc_release(allocator, tracer);
-            return NULL;
-        }
+    tracer->fusion = options->fusion;
+    tracer->triangle_cache = options->triangle_cache;
+    if (options->order == VOCC_ORDER_BFS || options->order == VOCC_ORDER_QDBFS)
+        failed |= !(tracer->queue = vocc_allocate(allocator, VOCC_QUEUE_ENTRIES,
+                                                  kernels->queue_entry_bytes));
+    if (options->cache_policy == VOCC_CACHE_DIRECTION && tracer->cache.size)
+        failed |= !(tracer->cache.cells =
+                        vocc_allocate(allocator, cell_count(&tracer->cache),
+                                      sizeof *tracer->cache.cells));
+    if (failed) {
+        vocc_tracer_free(allocator, tracer);
+        return NULL;
     }
+    vocc_tracer_forget(tracer);
     return tracer;
 }
 
 void vocc_tracer_free(const vocc_allocator *allocator, vocc_tracer *tracer)
 {
-    if (tracer)
+    if (tracer) {
         vocc_release(allocator, tracer->queue);
+        vocc_release(allocator, tracer->cache.cells);
+    }
     vocc_release(allocator, tracer);
+}
+
+void vocc_tracer_forget(vocc_tracer *tracer)
+{
+    vocc_occluder_cache *c = &tracer->cache;
+    c->count = 0;
+    if (c->cells)
+        memset(c->cells, 0, cell_count(c) * sizeof *c->cells);
+    tracer->last_triangle = UINT32_MAX;
+    vocc_tracer_at_root(tracer);
+}
+
+void vocc_tracer_enter(vocc_tracer *tracer, uint32_t node, const float lower[3],
+                       const float upper[3])
+{
+    tracer->entry = node;
+    memcpy(tracer->entry_lower, lower, sizeof tracer->entry_lower);
+    memcpy(tracer->entry_upper, upper, sizeof tracer->entry_upper);
+}
+
+void vocc_tracer_at_root(vocc_tracer *tracer)
+{
+    vocc_tracer_enter(tracer, 0, tracer->tree->lower, tracer->tree->upper);
 }
 
 int vocc_is_void(const vocc_block *block, size_t ray)
@@ -171,13 +208,57 @@ int32_t vocc_certify_end(const vocc_tree *tree, const vocc_block *block,
 /* ---- the occluder cache
  * ------------------------------------------------------ */
 
-void vocc_cache_insert(vocc_occluder_cache *cache, const vocc_opaque *occluder)
+/* The cell of a cube map around the origin that the ray's direction is in. */
+static size_t cell_of(const vocc_occluder_cache *cache, const vocc_block *block,
+                      size_t ray)
 {
+    const int n = cache->size;
+    float d[3], scale;
+    int k, axis = 0, at[2];
+    for (k = 0; k < 3; k++) {
+        d[k] = block->dir[k][ray];
+        if (vocc_absf(d[k]) > vocc_absf(d[axis]))
+            axis = k;
+    }
+    scale = 0.5f * (float)n / vocc_absf(d[axis]);
+    for (k = 0; k < 2; k++) {
+        at[k] = (int)(d[(axis + 1 + k) % 3] * scale + 0.5f * (float)n);
+        at[k] = at[k] >= n ? n - 1 : at[k];
+    }
+    return (((size_t)axis * 2 + (d[axis] < 0.0f)) * (size_t)n + (size_t)at[0]) *
+               (size_t)n +
+           (size_t)at[1];
+}
+
+void vocc_cache_insert(vocc_tracer *tracer, const vocc_opaque *leaf,
+                       const vocc_block *block, size_t ray)
+{
+    const vocc_tree *tree = tracer->tree;
+    vocc_occluder_cache *cache = &tracer->cache;
+    const int grown = tracer->fusion && leaf->grown >= 0;
+    if (cache->cells) {
+        cache->cells[cell_of(cache, block, ray)] =
+            grown ? VOCC_CELL_GROWN | ((uint32_t)leaf->grown + 1)
+                  : (uint32_t)(leaf - tree->opaque) + 1;
+        return;
+    }
     if (cache->count < cache->size)
         cache->count++;
     memmove(cache->entries + 1, cache->entries,
             (size_t)(cache->count - 1) * sizeof *cache->entries);
-    cache->entries[0] = *occluder;
+    cache->entries[0] = grown ? tree->grown[leaf->grown] : *leaf;
+}
+
+const vocc_opaque *vocc_cache_cell(const vocc_tracer *tracer,
+                                   const vocc_block *block, size_t ray)
+{
+    const uint32_t cell =
+        tracer->cache.cells[cell_of(&tracer->cache, block, ray)];
+    if (!cell)
+        return NULL;
+    return cell & VOCC_CELL_GROWN
+               ? &tracer->tree->grown[(cell & ~VOCC_CELL_GROWN) - 1]
+               : &tracer->tree->opaque[cell - 1];
 }
 
 void vocc_cache_touch(vocc_occluder_cache *cache, int i)

@@ -39,13 +39,19 @@ typedef struct vocc_block {
     uint32_t triangle[VOCC_BLOCK + VOCC_MAX_LANES];
 } vocc_block;
 
-/* The occluder cache: the occluders that blocked a ray last, most recent
- * first (slides, "Reusing volumetric occluders"). */
+/* The occluder cache (slides, "Reusing volumetric occluders").
+ * RECENT: the occluders that blocked a ray last, most recent first.
+ * DIRECTION: the last one for each cell of a cube map of directions, as
+ * Radiance keeps the last object for each source (SHADCACHE). */
 typedef struct vocc_occluder_cache {
-    int size; /* 0: no cache */
+    int size;        /* entries, or cells along an edge; 0: no cache */
+    uint32_t *cells; /* 6 * size * size numbers of boxes, and 1; 0: none;
+                        with GROWN: of tree->grown.  NULL: by recency */
     int count;
     vocc_opaque entries[VOCC_MAX_CACHE];
 } vocc_occluder_cache;
+
+#define VOCC_CELL_GROWN 0x80000000u
 
 /* What one worker needs to trace. */
 typedef struct vocc_tracer {
@@ -55,6 +61,12 @@ typedef struct vocc_tracer {
     int deferment;
     int counting;
     vocc_occluder_cache cache;
+    int fusion;
+    int triangle_cache;
+    uint32_t last_triangle; /* that blocked; UINT32_MAX: none */
+    /* Where rays start: all that they can meet is below this node. */
+    uint32_t entry;
+    float entry_lower[3], entry_upper[3];
     vocc_counters counters;
     void *queue; /* VOCC_QUEUE_ENTRIES of the kernel's own entries */
     struct {
@@ -66,9 +78,20 @@ enum { VOCC_QUEUE_ENTRIES = 1024 };
 
 typedef void (*vocc_trace_fn)(vocc_tracer *tracer, vocc_block *block);
 
+/* shaft.h */
+struct vocc_shaft;
+struct vocc_shaft_walk;
+typedef int (*vocc_shaft_fn)(vocc_tracer *tracer,
+                             const struct vocc_shaft *shaft,
+                             struct vocc_shaft_walk *walk);
+
 typedef struct vocc_kernels {
     vocc_trace_fn occluded;
     vocc_trace_fn closest;
+    vocc_shaft_fn walk_shaft; /* a vocc_shaft_result */
+    /* Rays of a shaft that can cross these triangles only. */
+    void (*occluded_among)(vocc_tracer *tracer, vocc_block *block,
+                           const uint32_t *triangles, int count);
     size_t queue_entry_bytes;
 } vocc_kernels;
 
@@ -91,6 +114,16 @@ VOCC_INTERNAL vocc_tracer *vocc_tracer_create(const vocc_allocator *allocator,
 VOCC_INTERNAL void vocc_tracer_free(const vocc_allocator *allocator,
                                     vocc_tracer *tracer);
 
+/* Empties the caches and starts at the root: so that counters do not depend on
+ * which worker took which job. */
+VOCC_INTERNAL void vocc_tracer_forget(vocc_tracer *tracer);
+
+/* Rays start at this node, or at the root. */
+VOCC_INTERNAL void vocc_tracer_enter(vocc_tracer *tracer, uint32_t node,
+                                     const float lower[3],
+                                     const float upper[3]);
+VOCC_INTERNAL void vocc_tracer_at_root(vocc_tracer *tracer);
+
 /* ---- for the kernels ----------------------------------------------------- */
 
 /* One ray, in double: any finite float32 values. */
@@ -104,10 +137,14 @@ VOCC_INTERNAL int vocc_is_void(const vocc_block *block, size_t ray);
 VOCC_INTERNAL int32_t vocc_certify_end(const vocc_tree *tree,
                                        const vocc_block *block, size_t ray);
 
-/* Puts an occluder in front. */
-VOCC_INTERNAL void vocc_cache_insert(vocc_occluder_cache *cache,
-                                     const vocc_opaque *occluder);
+/* Puts an occluder in front, or in the cell of a ray's direction. */
+VOCC_INTERNAL void vocc_cache_insert(vocc_tracer *tracer,
+                                     const vocc_opaque *leaf,
+                                     const vocc_block *block, size_t ray);
 /* Moves entry i to the front. */
 VOCC_INTERNAL void vocc_cache_touch(vocc_occluder_cache *cache, int i);
+/* The box in the cell of a ray's direction; NULL if there is none. */
+VOCC_INTERNAL const vocc_opaque *
+vocc_cache_cell(const vocc_tracer *tracer, const vocc_block *block, size_t ray);
 
 #endif

@@ -333,8 +333,22 @@ typedef enum vocc_order {
     VOCC_ORDER_STANDARD = 1, /* front to back; triangles at once */
     VOCC_ORDER_EXTENDED = 2, /* front to back; triangles deferred */
     VOCC_ORDER_BFS = 3,      /* breadth first; triangles deferred */
-    VOCC_ORDER_QDBFS = 4     /* breadth first with quick descent; deferred */
+    VOCC_ORDER_QDBFS = 4,    /* breadth first with quick descent; deferred */
+    VOCC_ORDER_OPAQUE_FIRST = 5, /* depth first; of two children the one where
+                                    a block is cheaper to find, opaque leaves
+                                    counted; triangles deferred */
+    VOCC_ORDER_SATO = 6, /* depth first, the child of larger surface first (Nah
+                            and Manocha 2014); triangles at once */
+    VOCC_ORDER_RTSAH = 7 /* depth first, as opaque-first, with triangles only
+                            (Ize and Hansen 2011); triangles at once */
 } vocc_order;
+
+/* Which occluders the cache holds. */
+typedef enum vocc_cache_policy {
+    VOCC_CACHE_RECENT = 0,   /* those that blocked last, most recent first */
+    VOCC_CACHE_DIRECTION = 1 /* by the ray's direction: the last one in its cell
+                                of a cube map (as Radiance's shadow cache) */
+} vocc_cache_policy;
 
 typedef enum vocc_isa {
     VOCC_ISA_AUTO = 0,   /* the best that this machine and library have */
@@ -356,27 +370,55 @@ typedef struct vocc_counters {
     uint64_t occluder_hits_tree;  /* rays blocked by an opaque leaf */
     uint64_t occluder_hits_cache; /* rays blocked by a cached occluder */
     uint64_t cache_lookups;       /* packet x cached box */
+    uint64_t triangle_cache_hits; /* rays blocked by the last triangle */
     uint64_t fallbacks; /* rays whose end could not be certified when an
                            occluder was about to decide */
     uint64_t deferred;  /* leaves put on the deferment list */
     uint64_t queue_pushes, queue_pops;
-    uint64_t careful_rays; /* traced in double: values outside the range of
-                              the float kernels */
+    uint64_t careful_rays;   /* traced in double: values outside the range of
+                                the float kernels */
+    uint64_t entry_searches; /* of entry points: groups of points x light */
+    uint64_t entry_steps, entry_tests; /* nodes and triangles looked at there */
+    uint64_t entry_lit_rays, entry_dark_rays; /* rays that need no tracing */
+    uint64_t entry_few_rays; /* rays tested against a short list instead */
+    uint64_t voxel_lit_rays, voxel_dark_rays; /* rays that need no tracing */
 } vocc_counters;
 
 typedef struct vocc_query_options {
-    uint32_t size;     /* sizeof(vocc_query_options) */
-    int32_t order;     /* a vocc_order, default AUTO; ignored by intersect */
-    int32_t occluders; /* 1 (default): use volumetric occluders */
-    int32_t deferment; /* boundary leaves on the deferment list, 0 to 512
-                          (default); when it is full its triangles are tested */
-    int32_t cache;     /* occluders in the cache, 0 to 64, default 8 */
-    int32_t packets;   /* 1 (default): 4 rays at a time; 0: single rays */
-    int32_t isa;       /* a vocc_isa, default AUTO */
-    int32_t threads;   /* 0: one a processor; at most 256 */
+    uint32_t size;        /* sizeof(vocc_query_options) */
+    int32_t order;        /* a vocc_order, default AUTO; ignored by intersect */
+    int32_t occluders;    /* 1 (default): use volumetric occluders */
+    int32_t deferment;    /* boundary leaves on the deferment list, 0 to 512
+                             (default); when it is full its triangles are tested */
+    int32_t cache;        /* occluders in the cache, 0 to 64, default 8; by
+                             direction: cells along an edge of the cube map */
+    int32_t cache_policy; /* a vocc_cache_policy, default RECENT */
+    int32_t fusion;       /* 1 (default): the cache holds boxes grown beyond
+                             their leaf, where there are; 0: leaves */
+    int32_t triangle_cache; /* 1: test the triangle that blocked last before
+                               the tree (Haines and Greenberg 1986); default
+                               0 */
+    int32_t entry_points; /* 1: vocc_light_visibility looks for what the rays of
+                             neighbouring points to a light can meet, all at
+                             once (Reshetov et al. 2005), and traces the rays
+                             that this does not settle from there; 0: not; -1
+                             (default): in AUTO order only */
+    int32_t entry_triangles; /* such a search gives up when it has found more
+                                triangles, 0 to 64, default 8 */
+    int32_t voxels;  /* vocc_light_visibility settles points by the voxel that
+                        they are in, where the light is seen from all of it or
+                        from nowhere in it (Woo and Amanatides 1990); so many
+                        along the longest side of the points' bounds, up to
+                        1024; 0 (default): not */
+    int32_t packets; /* 1 (default): 4 rays at a time; 0: single rays */
+    int32_t isa;     /* a vocc_isa, default AUTO */
+    int32_t threads; /* 0: one a processor; at most 256 */
     vocc_progress_fn progress; /* NULL: none */
     void *progress_user;
     vocc_counters *counters; /* NULL: not counted, at no cost; else added to */
+    uint32_t *point_steps;   /* vocc_light_visibility: NULL, or gets for each
+                                point the traversal steps (node_visits) of its
+                                rays; packets then hold rays of one point */
 } vocc_query_options;
 
 /* Fills *options with the defaults. */
@@ -431,6 +473,39 @@ VOCC_API vocc_status vocc_region(const vocc_scene *scene, size_t count,
                                  vocc_array points, int32_t *region,
                                  const vocc_query_options *options,
                                  vocc_error *error);
+
+/* What vocc_scene_classify_by_rays found. */
+typedef struct vocc_ray_classification {
+    uint32_t size;   /* sizeof(vocc_ray_classification), set by the caller */
+    int32_t threads; /* used */
+    uint64_t leaf_count; /* of every label, as vocc_scene_leaves counts them */
+    uint64_t rays;       /* one an empty leaf that has a centre in float32 */
+    uint64_t opaque_leaves, clear_leaves;
+    uint64_t unknown_leaves; /* empty, but too thin for a ray */
+    uint64_t disagreements;  /* OPAQUE by the flood fill and CLEAR by the ray,
+                                or the other way round */
+    double seconds;
+} vocc_ray_classification;
+
+/* The classification of the paper, to be compared with that of the build: from
+ * the centre of each empty leaf one ray along `direction`, and the leaf is
+ * OPAQUE if the first triangle is met from behind (the ray runs along its
+ * normal (v1 - v0) x (v2 - v0)), else CLEAR.  Unlike the flood fill it takes
+ * every triangle for part of a solid and every normal for one that points
+ * outward, and a ray through an edge meets one of two triangles, so it may be
+ * wrong; hence nothing else uses its labels, and the scene is not changed.
+ *
+ * direction: finite and not 0, of any length; rounded to float32 when it has
+ * been scaled by a power of two.  NULL: one in no relation to any mesh.
+ * Writes a vocc_label for each of the first `capacity` leaves, in the order of
+ * vocc_scene_leaves: BOUNDARY, CLEAR, OPAQUE, or UNKNOWN where a leaf is too
+ * thin for a ray.  *result is about all leaves.  Of the options, order,
+ * occluders and what belongs to them have no effect.
+ * Fails as vocc_intersect. */
+VOCC_API vocc_status vocc_scene_classify_by_rays(
+    const vocc_scene *scene, const double direction[3], size_t capacity,
+    int32_t *labels, vocc_ray_classification *result,
+    const vocc_query_options *options, vocc_error *error);
 
 /* A rectangle that emits from both sides: corner + a * edge_u + b * edge_v,
  * a and b from 0 to 1. */

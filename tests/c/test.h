@@ -27,6 +27,8 @@ extern const test_case test_region_cases[];
 extern const test_case test_tree_cases[];
 extern const test_case test_hostile_cases[];
 extern const test_case test_threads_cases[];
+extern const test_case test_classify_rays_cases[];
+extern const test_case test_worked_example_cases[];
 
 /* Records a failure of the running test.  After a number of them in one test
  * the others are counted but not printed. */

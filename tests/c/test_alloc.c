@@ -238,11 +238,25 @@ static vocc_status run_light(const vocc_scene *scene, const ray_set *set,
                                  &light, 4, out, options, error);
 }
 
+static vocc_status run_classify_by_rays(const vocc_scene *scene,
+                                        const ray_set *set,
+                                        const vocc_query_options *options,
+                                        void *out, vocc_error *error)
+{
+    vocc_ray_classification result;
+    result.size = sizeof(result);
+    /* There may be fewer leaves than rays. */
+    memset(out, 0, 4 * set->count);
+    return vocc_scene_classify_by_rays(scene, NULL, set->count, out, &result,
+                                       options, error);
+}
+
 static const query_case query_cases[] = {
     {"occluded", run_occluded, 1},
     {"intersect", run_intersect, 4},
     {"region", run_region, 4},
     {"light_visibility", run_light, 2},
+    {"classify_by_rays", run_classify_by_rays, 4},
 };
 
 static void query_with_failures(const world *w, const ray_set *set,

@@ -817,6 +817,18 @@ static vocc_status call_light(const vocc_scene *scene, const vocc_rays *rays,
                                  1, &light, 4, out, options, error);
 }
 
+static vocc_status call_classify_by_rays(const vocc_scene *scene,
+                                         const vocc_rays *rays,
+                                         const vocc_query_options *options,
+                                         vocc_error *error)
+{
+    int32_t labels[4];
+    vocc_ray_classification result;
+    result.size = sizeof(result);
+    return vocc_scene_classify_by_rays(scene, NULL, rays->count, labels,
+                                       &result, options, error);
+}
+
 static const float two_org[6] = {0.25f, 0.25f, -1, 2, 2, 2};
 static const float two_dir[6] = {0, 0, 1, 0, 1, 0};
 
@@ -842,6 +854,13 @@ static void query_options_of(query_fn query)
     CHECK_INT(defaults.occluders, 1);
     CHECK_INT(defaults.deferment, 512);
     CHECK_INT(defaults.cache, 8);
+    CHECK_INT(defaults.cache_policy, VOCC_CACHE_RECENT);
+    CHECK_INT(defaults.fusion, 1);
+    CHECK_INT(defaults.triangle_cache, 0);
+    CHECK_INT(defaults.entry_points, -1);
+    CHECK_INT(defaults.entry_triangles, 8);
+    CHECK_INT(defaults.voxels, 0);
+    CHECK(defaults.point_steps == NULL);
     CHECK_INT(defaults.packets, 1);
     CHECK_INT(defaults.isa, VOCC_ISA_AUTO);
     CHECK_INT(defaults.threads, 0);
@@ -860,7 +879,19 @@ static void query_options_of(query_fn query)
                (double)(bad_value));                                           \
     } while (0)
     BAD(order, -1);
-    BAD(order, 5);
+    BAD(order, 8);
+    BAD(occluders, 2);
+    BAD(cache_policy, -1);
+    BAD(cache_policy, 2);
+    BAD(fusion, 2);
+    BAD(triangle_cache, -1);
+    BAD(entry_points, -2);
+    BAD(entry_points, 2);
+    BAD(entry_triangles, -1);
+    BAD(entry_triangles, 65);
+    BAD(voxels, -1);
+    BAD(voxels, 1025);
+    BAD(packets, 2);
     BAD(deferment, -1);
     BAD(deferment, 513);
     BAD(cache, -1);
@@ -881,6 +912,7 @@ static void query_options(void)
     query_options_of(call_intersect);
     query_options_of(call_region);
     query_options_of(call_light);
+    query_options_of(call_classify_by_rays);
 }
 
 static void ray_arguments_of(query_fn query)
@@ -1013,6 +1045,50 @@ static void light_arguments(void)
     vocc_scene_free(scene);
 }
 
+static void classify_arguments(void)
+{
+    vocc_scene *scene = tetrahedron();
+    vocc_ray_classification result;
+    int32_t labels[64];
+    double direction[3] = {0.0, 0.0, 0.0};
+    memset(&result, 0x5a, sizeof(result));
+    result.size = sizeof(result);
+#define CLASSIFY(scene_, direction_, capacity_, labels_, result_)              \
+    vocc_scene_classify_by_rays(scene_, direction_, capacity_, labels_,        \
+                                result_, NULL, &error)
+    EXPECT(CLASSIFY(NULL, NULL, 64, labels, &result), INVALID, "scene", -1,
+           NAN);
+    EXPECT(CLASSIFY(scene, NULL, 1, NULL, &result), INVALID, "labels", -1, NAN);
+    EXPECT(CLASSIFY(scene, NULL, 64, labels, NULL), INVALID, "result", -1, NAN);
+    EXPECT(CLASSIFY(scene, direction, 64, labels, &result), INVALID,
+           "direction", -1, 0.0);
+    direction[1] = -0.0;
+    EXPECT(CLASSIFY(scene, direction, 64, labels, &result), INVALID,
+           "direction", -1, 0.0);
+    direction[1] = (double)NAN;
+    EXPECT(CLASSIFY(scene, direction, 64, labels, &result), INVALID,
+           "direction", 1, NAN);
+    direction[0] = -HUGE_VAL;
+    EXPECT(CLASSIFY(scene, direction, 64, labels, &result), INVALID,
+           "direction", 0, -HUGE_VAL);
+    result.size = 4;
+    EXPECT(CLASSIFY(scene, NULL, 64, labels, &result), INVALID, "result", -1,
+           4.0);
+    /* A refusal writes nothing. */
+    CHECK_INT(result.rays, 0x5a5a5a5a5a5a5a5a);
+    result.size = sizeof(result);
+    vocc_scene *unbuilt = empty_scene();
+    EXPECT(CLASSIFY(unbuilt, NULL, 64, labels, &result), VOCC_ERROR_NOT_BUILT,
+           "", -1, NAN);
+    vocc_scene_free(unbuilt);
+    vocc_error error;
+    CHECK_STATUS(CLASSIFY(scene, NULL, 0, NULL, &result), &error, VOCC_OK);
+    CHECK(result.leaf_count > 0 && result.leaf_count <= 64);
+    CHECK_INT(result.threads, 1);
+#undef CLASSIFY
+    vocc_scene_free(scene);
+}
+
 /* A failed query writes nothing outside its arrays, and the scene still
  * answers. */
 static void failed_queries_leave_the_scene(void)
@@ -1097,6 +1173,14 @@ static void check_empty(vocc_scene *scene, int meshes)
     CHECK_STATUS(vocc_scene_leaves(scene, 0, NULL, &count, &error), &error,
                  VOCC_OK);
     CHECK(count <= 1);
+    vocc_ray_classification labels;
+    labels.size = sizeof(labels);
+    CHECK_STATUS(vocc_scene_classify_by_rays(scene, NULL, 0, NULL, &labels,
+                                             NULL, &error),
+                 &error, VOCC_OK);
+    CHECK_INT(labels.leaf_count, count);
+    CHECK_INT(labels.rays, 0);
+    CHECK_INT(labels.disagreements, 0);
     vocc_scene_free(scene);
 }
 
@@ -1137,6 +1221,7 @@ const test_case test_api_cases[] = {
     {"api.query_options", query_options},
     {"api.ray_arguments", ray_arguments},
     {"api.light_arguments", light_arguments},
+    {"api.classify_arguments", classify_arguments},
     {"api.failed_queries", failed_queries_leave_the_scene},
     {"api.empty_scenes", empty_scenes},
     {NULL, NULL},

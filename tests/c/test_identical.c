@@ -37,9 +37,12 @@ static void check_counters(const mode *m, const vocc_counters *c, size_t count,
         CHECK_INT(c->occluder_hits_cache, 0);
         CHECK_INT(c->cache_lookups, 0);
     }
-    if (m->order == VOCC_ORDER_STANDARD || m->deferment == 0)
+    if (m->order == VOCC_ORDER_STANDARD || m->order >= VOCC_ORDER_SATO ||
+        m->deferment == 0)
         CHECK_INT(c->deferred, 0);
-    if (m->order == VOCC_ORDER_STANDARD || m->order == VOCC_ORDER_EXTENDED) {
+    if (!(m->extras & LAST_TRIANGLE))
+        CHECK_INT(c->triangle_cache_hits, 0);
+    if (m->order != VOCC_ORDER_BFS && m->order != VOCC_ORDER_QDBFS) {
         CHECK_INT(c->queue_pushes, 0);
         CHECK_INT(c->queue_pops, 0);
     }
@@ -93,6 +96,7 @@ static void all_modes(void)
             sum.exact_tests += counters.exact_tests;
             sum.careful_rays += counters.careful_rays;
             sum.triangle_tests += counters.triangle_tests;
+            sum.triangle_cache_hits += counters.triangle_cache_hits;
             sum.packets += counters.packets;
         }
         free(expected);
@@ -111,6 +115,7 @@ static void all_modes(void)
     CHECK(sum.exact_tests > 0);
     CHECK(sum.careful_rays > 0);
     CHECK(sum.triangle_tests > 0);
+    CHECK(sum.triangle_cache_hits > 0);
     CHECK(sum.packets > 0);
 }
 
@@ -160,7 +165,7 @@ static void threads(void)
                             expected);
         }
         /* What is counted does not depend on threads either, and is added. */
-        mode m = {VOCC_ORDER_QDBFS, 1, 8, 512, 1, VOCC_ISA_AUTO, 1};
+        mode m = {VOCC_ORDER_QDBFS, 1, 8, 512, 1, VOCC_ISA_AUTO, 1, 0};
         memset(counters, 0, sizeof(counters));
         trace(&w, &set, &m, actual, &counters[0]);
         m.threads = 3;
@@ -255,7 +260,7 @@ static void without_occluders_in_meshes(void)
         for (int p = 0; p < s.part_count; p++)
             s.parts[p].occluder = 0;
         world_make(&w, &s, NULL);
-        const mode m = {VOCC_ORDER_QDBFS, 1, 8, 512, 1, VOCC_ISA_AUTO, 1};
+        const mode m = {VOCC_ORDER_QDBFS, 1, 8, 512, 1, VOCC_ISA_AUTO, 1, 0};
         trace(&w, &set, &m, actual, &counters);
         compare_answers(__FILE__, __LINE__, s.name, &set, &m, actual, expected);
         CHECK_INT(counters.occluder_hits_tree + counters.occluder_hits_cache,
@@ -346,12 +351,17 @@ static void at_occluders(void)
         REQUIRE(expected && actual);
         for (size_t k = 0; k < set.count; k++)
             expected[k] = oracle_occluded(&set.rays[k], &s, 0) == ORACLE_HIT;
-        for (int order = VOCC_ORDER_STANDARD; order <= VOCC_ORDER_QDBFS;
+        for (int order = VOCC_ORDER_STANDARD; order <= VOCC_ORDER_RTSAH;
              order++) {
             for (int flags = 0; flags < 8; flags++) {
-                const mode m = {order, flags & 1,      flags & 4 ? 8 : 0,
-                                512,   flags >> 1 & 1, VOCC_ISA_AUTO,
-                                1};
+                const mode m = {order,
+                                flags & 1,
+                                flags & 4 ? 8 : 0,
+                                512,
+                                flags >> 1 & 1,
+                                VOCC_ISA_AUTO,
+                                1,
+                                0};
                 if (!has_order(order))
                     continue;
                 trace(&w, &set, &m, actual, NULL);

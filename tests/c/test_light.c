@@ -341,6 +341,160 @@ static void sample_numbers(void)
     shape_free(&s);
 }
 
+/* Patches of neighbouring points just off the surface, as pixels see it: what
+ * entry points and voxels settle at once.  Some patches are as small as their
+ * distance from the surface, some points are exactly on it. */
+static void patches_make(receivers *r, const shape *s, size_t count,
+                         double spread, double off)
+{
+    test_random random = random_seed(815);
+    r->count = count;
+    r->points = malloc(3 * count * sizeof(float));
+    r->normals = malloc(3 * count * sizeof(float));
+    r->ids = NULL;
+    REQUIRE(r->points && r->normals);
+    for (size_t i = 0; i < count;) {
+        const mesh *m =
+            &s->parts[random_below(&random, (uint32_t)s->part_count)].m;
+        const size_t t = random_below(&random, (uint32_t)m->triangle_count);
+        const float *c[3];
+        double e[2][3], n[3], length = 0.0;
+        for (int k = 0; k < 3; k++)
+            c[k] = mesh_corner(m, t, k);
+        for (int k = 0; k < 3; k++) {
+            e[0][k] = (double)c[1][k] - (double)c[0][k];
+            e[1][k] = (double)c[2][k] - (double)c[0][k];
+        }
+        for (int k = 0; k < 3; k++) {
+            const int x = (k + 1) % 3, y = (k + 2) % 3;
+            n[k] = e[0][x] * e[1][y] - e[0][y] * e[1][x];
+            length += n[k] * n[k];
+        }
+        length = length > 0.0 ? sqrt(length) : 1.0;
+        const size_t end = i + 100 < count ? i + 100 : count;
+        const double u0 = random_in(&random, 0, 1), v0 = 1.0 - u0;
+        for (; i < end; i++) {
+            const double u = u0 + spread * random_in(&random, -1, 1),
+                         v = v0 + spread * random_in(&random, -1, 1);
+            for (int k = 0; k < 3; k++) {
+                r->normals[3 * i + (size_t)k] = (float)(n[k] / length);
+                r->points[3 * i + (size_t)k] =
+                    (float)((double)c[0][k] + u * e[0][k] + v * e[1][k] +
+                            (i % 16 ? off : 0.0) * n[k] / length);
+            }
+        }
+    }
+}
+
+static void neighbours(void)
+{
+    static const struct {
+        double spread, off, scale;
+    } kinds[] = {{0.3, 1e-4, 1.0},   {1e-3, 1e-4, 1.0}, {2.0, 1e-2, 1.0},
+                 {0.3, 1e-4, 1e-12}, {0.3, 1e-4, 1e7},  {0.3, 1e-4, 1e20}};
+    vocc_counters sum;
+    memset(&sum, 0, sizeof(sum));
+    for (size_t i = 0; i < shape_count(); i++)
+        for (size_t kind = 0; kind < sizeof(kinds) / sizeof(kinds[0]); kind++) {
+            const double scale = kinds[kind].scale;
+            shape s;
+            world w;
+            receivers r;
+            vocc_rect_light moved[LIGHTS];
+            if (kind > 1 && kind % 3 != i % 3)
+                continue;
+            test_context(shape_name(i));
+            shape_make(&s, i, 1);
+            patches_make(&r, &s, test_scaled(1200, 300), kinds[kind].spread,
+                         kinds[kind].off);
+            for (int p = 0; p < s.part_count; p++)
+                mesh_move(&s.parts[p].m, 0, scale, 0, 0, 0);
+            for (size_t k = 0; k < 3 * r.count; k++)
+                r.points[k] = (float)((double)r.points[k] * scale);
+            for (size_t l = 0; l < LIGHTS; l++)
+                for (int k = 0; k < 3; k++) {
+                    moved[l].corner[k] =
+                        (double)(float)(lights[l].corner[k] * scale);
+                    moved[l].edge_u[k] =
+                        (double)(float)(lights[l].edge_u[k] * scale);
+                    moved[l].edge_v[k] =
+                        (double)(float)(lights[l].edge_v[k] * scale);
+                }
+            world_make(&w, &s, NULL);
+            const size_t values = LIGHTS * r.count;
+            uint16_t *expected = malloc(values * sizeof(*expected));
+            uint16_t *actual = malloc(values * sizeof(*actual));
+            uint32_t *steps = malloc(r.count * sizeof(*steps));
+            REQUIRE(expected && actual && steps);
+            expected_counts(&w, &r, LIGHTS, moved, 4, expected);
+            for (int way = 0; way < 12; way++) {
+                vocc_query_options options;
+                vocc_counters counters;
+                vocc_error error;
+                memset(&counters, 0, sizeof(counters));
+                vocc_query_options_init(&options);
+                options.order =
+                    way % 2 ? VOCC_ORDER_OPAQUE_FIRST : VOCC_ORDER_STANDARD;
+                options.entry_points = way % 3 != 2;
+                options.voxels = way % 3 ? 1 << way : 0;
+                options.voxels = options.voxels < 1024 ? options.voxels : 1024;
+                options.entry_triangles = way * 5;
+                options.occluders = way % 4 != 0;
+                options.isa = way & 4 ? VOCC_ISA_SCALAR : VOCC_ISA_AUTO;
+                options.packets = way != 5;
+                options.threads = 1 + way % 3;
+                options.counters = &counters;
+                options.point_steps = way > 7 ? steps : NULL;
+                CHECK_STATUS(
+                    query(&w, &r, LIGHTS, moved, 4, actual, &options, &error),
+                    &error, VOCC_OK);
+                compare_counts(__LINE__, way % 3 ? "voxels" : "entry points",
+                               &r, LIGHTS, actual, expected);
+                test_compared(values);
+                uint64_t traced = 0, seen = 0, stepped = 0;
+                for (size_t k = 0; k < values; k++) {
+                    traced += actual[k] == VOCC_NOT_TRACED ? 0 : 4;
+                    seen += actual[k] == VOCC_NOT_TRACED ? 0 : actual[k];
+                }
+                for (size_t k = 0; way > 7 && k < r.count; k++)
+                    stepped += steps[k];
+                CHECK_INT(counters.rays, traced);
+                CHECK_INT(counters.occluded, traced - seen);
+                if (way > 7)
+                    CHECK_INT(counters.node_visits, stepped);
+                if (!options.occluders)
+                    CHECK_INT(
+                        counters.entry_dark_rays + counters.voxel_dark_rays, 0);
+                if (!options.entry_points)
+                    CHECK_INT(counters.entry_searches, 0);
+                sum.entry_searches += counters.entry_searches;
+                sum.entry_lit_rays += counters.entry_lit_rays;
+                sum.entry_dark_rays += counters.entry_dark_rays;
+                sum.entry_few_rays += counters.entry_few_rays;
+                sum.voxel_lit_rays += counters.voxel_lit_rays;
+                sum.voxel_dark_rays += counters.voxel_dark_rays;
+                sum.rays += counters.rays;
+            }
+            free(expected);
+            free(actual);
+            free(steps);
+            receivers_free(&r);
+            world_free(&w);
+            shape_free(&s);
+        }
+    test_note(
+        "of %g rays, searches settle %g lit and %g dark, voxels %g and %g",
+        (double)sum.rays, (double)sum.entry_lit_rays,
+        (double)sum.entry_dark_rays, (double)sum.voxel_lit_rays,
+        (double)sum.voxel_dark_rays);
+    CHECK(sum.entry_searches > 0);
+    CHECK(sum.entry_lit_rays > sum.rays / 50);
+    CHECK(sum.entry_dark_rays > sum.rays / 500);
+    CHECK(sum.entry_few_rays > 0);
+    CHECK(sum.voxel_lit_rays > sum.rays / 50);
+    CHECK(sum.voxel_dark_rays > sum.rays / 500);
+}
+
 /* Exactly in the light's plane is not above it; float64 and strides. */
 static void layouts(void)
 {
@@ -390,6 +544,7 @@ static void layouts(void)
 const test_case test_light_cases[] = {
     {"light.all_options", all_options},
     {"light.threads", threads},
+    {"light.neighbours", neighbours},
     {"light.sample_numbers", sample_numbers},
     {"light.layouts", layouts},
     {NULL, NULL},

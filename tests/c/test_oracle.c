@@ -154,8 +154,8 @@ static void grids(void)
                 oracle_occluded(&set.rays[r], &s, r % 8 == 0) == ORACLE_HIT;
         const mode modes[3] = {
             mode_baseline(),
-            {VOCC_ORDER_STANDARD, 1, 8, 512, 1, VOCC_ISA_AUTO, 1},
-            {VOCC_ORDER_QDBFS, 1, 1, 1, 1, VOCC_ISA_AUTO, 1}};
+            {VOCC_ORDER_STANDARD, 1, 8, 512, 1, VOCC_ISA_AUTO, 1, 0},
+            {VOCC_ORDER_QDBFS, 1, 1, 1, 1, VOCC_ISA_AUTO, 1, 0}};
         for (int k = 0; k < 3; k++) {
             trace(&w, &set, &modes[k], actual, NULL);
             compare_answers(__FILE__, __LINE__, s.name, &set, &modes[k], actual,
@@ -228,8 +228,8 @@ static void magnitudes(void)
             expected[k] = oracle_occluded(&set.rays[k], &s, 0) == ORACLE_HIT;
         const mode modes[3] = {
             mode_baseline(),
-            {VOCC_ORDER_STANDARD, 1, 8, 512, 1, VOCC_ISA_AUTO, 1},
-            {VOCC_ORDER_QDBFS, 1, 8, 16, 1, VOCC_ISA_AUTO, 1}};
+            {VOCC_ORDER_STANDARD, 1, 8, 512, 1, VOCC_ISA_AUTO, 1, 0},
+            {VOCC_ORDER_QDBFS, 1, 8, 16, 1, VOCC_ISA_AUTO, 1, 0}};
         for (int k = 0; k < 3; k++) {
             trace(&w, &set, &modes[k], actual, NULL);
             compare_answers(__FILE__, __LINE__, s.name, &set, &modes[k], actual,

@@ -128,7 +128,9 @@ static void build(void)
     build_watched(3, 1);
 }
 
-/* Query q of four, with progress. */
+enum { QUERIES = 5 };
+
+/* Query q of them, with progress. */
 static vocc_status run_query(int q, const world *w, const ray_set *set,
                              void *out, const vocc_query_options *options,
                              vocc_error *error)
@@ -139,8 +141,10 @@ static vocc_status run_query(int q, const world *w, const ray_set *set,
     const vocc_rays rays = rays_view(set, 0, set->count);
     vocc_array none;
     vocc_hits hits;
+    vocc_ray_classification labels;
     memset(&none, 0, sizeof(none));
     memset(&hits, 0, sizeof(hits));
+    labels.size = sizeof(labels);
     switch (q) {
     case 0:
         return vocc_occluded(w->scene, &rays, out, options, error);
@@ -149,6 +153,9 @@ static vocc_status run_query(int q, const world *w, const ray_set *set,
         return vocc_intersect(w->scene, &rays, &hits, options, error);
     case 2:
         return vocc_region(w->scene, set->count, rays.org, out, options, error);
+    case 3:
+        return vocc_scene_classify_by_rays(w->scene, NULL, set->count, out,
+                                           &labels, options, error);
     default:
         return vocc_light_visibility(w->scene, set->count, rays.org, rays.dir,
                                      none, 2, lights, 8, out, options, error);
@@ -166,7 +173,7 @@ static void queries(void)
     world_make(&w, &s, NULL);
     int32_t *out = malloc(4 * set.count), *expected = malloc(4 * set.count);
     REQUIRE(out && expected);
-    for (int q = 0; q < 4; q++) {
+    for (int q = 0; q < QUERIES; q++) {
         vocc_query_options options;
         vocc_query_options_init(&options);
         memset(expected, 0, 4 * set.count);

@@ -291,8 +291,10 @@ static void all_shapes(void)
             CHECK(r.depth >= 0 && r.depth <= 60);
             CHECK(r.region_count >= 1);
             CHECK(r.threads >= 1 && r.threads <= 256);
-            CHECK(r.auto_order >= VOCC_ORDER_STANDARD &&
-                  r.auto_order <= VOCC_ORDER_QDBFS);
+            CHECK_INT(r.auto_order,
+                      r.occluder_area >= 2.75 * r.mesh_area && r.mesh_area > 0
+                          ? VOCC_ORDER_OPAQUE_FIRST
+                          : VOCC_ORDER_STANDARD);
             CHECK(r.tree_bytes > 0 &&
                   r.tree_bytes <= counting_live_bytes(w.memory));
             CHECK(r.seconds_components >= 0 && r.seconds_build >= 0 &&

@@ -17,6 +17,7 @@ typedef struct answers {
     int32_t *prim_id, *region, *region_size;
     float *t;
     uint16_t *visible;
+    int32_t *label; /* of as many leaves as there are rays */
 } answers;
 
 static void answers_make(answers *a, size_t n)
@@ -27,8 +28,9 @@ static void answers_make(answers *a, size_t n)
     a->region_size = calloc(n, sizeof(int32_t));
     a->t = calloc(n, sizeof(float));
     a->visible = calloc(n, sizeof(uint16_t));
+    a->label = calloc(n, sizeof(int32_t));
     REQUIRE(a->occluded && a->prim_id && a->region && a->region_size && a->t &&
-            a->visible);
+            a->visible && a->label);
 }
 
 static void answers_free(answers *a)
@@ -39,6 +41,7 @@ static void answers_free(answers *a)
     free(a->region_size);
     free(a->t);
     free(a->visible);
+    free(a->label);
 }
 
 typedef struct user {
@@ -67,6 +70,8 @@ static void *use(void *context)
     vocc_hits hits;
     vocc_query_options options;
     vocc_counters counters;
+    vocc_ray_classification labels;
+    labels.size = sizeof(labels);
     memset(&none, 0, sizeof(none));
     memset(&hits, 0, sizeof(hits));
     memset(&counters, 0, sizeof(counters));
@@ -79,10 +84,10 @@ static void *use(void *context)
     hits.t = u->out.t;
     hits.prim_id = u->out.prim_id;
     /* Not all begin with the same query. */
-    for (int step = 0; step < 4; step++) {
+    for (int step = 0; step < 5; step++) {
         vocc_status status = VOCC_OK;
         size_t count;
-        switch ((step + u->number) % 4) {
+        switch ((step + u->number) % 5) {
         case 0:
             status =
                 vocc_occluded(u->scene, &rays, u->out.occluded, &options, NULL);
@@ -104,6 +109,10 @@ static void *use(void *context)
                 u->out.region_size[i] = (int32_t)count;
             }
             break;
+        case 3:
+            status = vocc_scene_classify_by_rays(
+                u->scene, NULL, n, u->out.label, &labels, &options, NULL);
+            break;
         default:
             status = vocc_light_visibility(u->scene, n, rays.org, rays.dir,
                                            none, 1, &light, 3, u->out.visible,
@@ -122,6 +131,7 @@ static void compare_users(const user *a, const user *b)
     CHECK(memcmp(a->out.prim_id, b->out.prim_id, n * sizeof(int32_t)) == 0);
     CHECK(memcmp(a->out.t, b->out.t, n * sizeof(float)) == 0);
     CHECK(memcmp(a->out.visible, b->out.visible, n * sizeof(uint16_t)) == 0);
+    CHECK(memcmp(a->out.label, b->out.label, n * sizeof(int32_t)) == 0);
     /* The numbers of regions that no leaf has depend on who asks first; which
      * they are does not. */
     for (size_t i = 0; i < n; i++) {
@@ -129,7 +139,7 @@ static void compare_users(const user *a, const user *b)
               (b->out.region[i] < 0 ? b->out.region[i] : 0));
         CHECK_INT(a->out.region_size[i], b->out.region_size[i]);
     }
-    test_compared(4 * n);
+    test_compared(5 * n);
 }
 
 static void many_users(void)

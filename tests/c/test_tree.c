@@ -19,15 +19,59 @@ static void node_layout(void)
     vocc_node n;
     CHECK_INT(sizeof(vocc_node), 8);
     n.at.split_pos = 1.0f;
-    n.bits = 2u | 2u << 2 | 1u << 4 | 0x2ABCDEFu << 6;
+    n.bits =
+        2u | VOCC_TAGGED | 9u << VOCC_TAG_SHIFT | 0x1ABCDEFu << VOCC_PAIR_SHIFT;
     CHECK(!vocc_is_leaf(n));
     CHECK_INT(vocc_axis(n), 2);
-    CHECK_INT(vocc_children(n), 2 * 0x2ABCDEFu);
+    CHECK_INT(vocc_children(n), 2 * 0x1ABCDEFu);
+    CHECK_INT(vocc_tags(n), 9);
     n.at.first = 7;
     n.bits = VOCC_LEAF | (unsigned)VOCC_OPAQUE << 2 | 0xABCDEFu << 4;
     CHECK(vocc_is_leaf(n));
     CHECK_INT(vocc_label_of(n), VOCC_OPAQUE);
     CHECK_INT(vocc_leaf_count(n), 0xABCDEF);
+}
+
+/* What a walk learns of a child from the parent alone is true, and what it
+ * loads for one child brings the other with it. */
+static void nodes_of_built_trees(void)
+{
+    size_t seen[4] = {0, 0, 0, 0}, nodes = 0;
+    for (size_t index = 0; index < shape_count(); index++) {
+        shape s;
+        world w;
+        shape_make(&s, index, 1);
+        test_context(s.name);
+        world_make(&w, &s, NULL);
+        const vocc_tree *tree = &w.scene->built.tree;
+        for (size_t i = 0; i < tree->node_count; i++) {
+            const vocc_node n = tree->nodes[i];
+            if (i == 1 || vocc_is_leaf(n))
+                continue;
+            const uint32_t first = vocc_children(n);
+            const uintptr_t line = (uintptr_t)&tree->nodes[first] / 64;
+            REQUIRE(first >= 2 && first + 1 < tree->node_count);
+            CHECK_INT((uintptr_t)&tree->nodes[first + 1] / 64, line);
+            CHECK(vocc_axis(n) < 3);
+            for (unsigned side = 0; side < 2; side++) {
+                const vocc_node child = tree->nodes[first + side];
+                const unsigned tag = vocc_tags(n) >> 2 * side & 3u;
+                CHECK_INT(tag, vocc_is_leaf(child) ? vocc_label_of(child)
+                                                   : (unsigned)VOCC_BOUNDARY);
+                seen[tag]++;
+            }
+            nodes++;
+        }
+        test_compared(tree->node_count);
+        world_free(&w);
+        shape_free(&s);
+    }
+    test_context(NULL);
+    test_note("%zu interior nodes, tags: %zu clear, %zu opaque", nodes,
+              seen[VOCC_CLEAR], seen[VOCC_OPAQUE]);
+    CHECK(seen[VOCC_BOUNDARY] > 1000);
+    CHECK(seen[VOCC_CLEAR] > 1000);
+    CHECK(seen[VOCC_OPAQUE] > 1000);
 }
 
 /* ---- clipping ---------------------------------------------------------------
@@ -290,6 +334,7 @@ static void grown_boxes_are_free(void)
 
 const test_case test_tree_cases[] = {
     {"tree.node_layout", node_layout},
+    {"tree.nodes_of_built_trees", nodes_of_built_trees},
     {"tree.clip_loses_nothing", clip_loses_nothing},
     {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
     {"tree.grown_boxes_are_free", grown_boxes_are_free},

@@ -90,7 +90,8 @@ void world_free(world *w)
 
 mode mode_baseline(void)
 {
-    const mode m = {VOCC_ORDER_STANDARD, 0, 0, 512, 0, VOCC_ISA_SCALAR, 1};
+    const mode m = {VOCC_ORDER_STANDARD, 0, 0, 512, 0, VOCC_ISA_SCALAR, 1,
+                    NO_ENTRY_POINTS};
     return m;
 }
 
@@ -104,18 +105,30 @@ void mode_options(const mode *m, vocc_query_options *options)
     options->packets = m->packets;
     options->isa = m->isa;
     options->threads = m->threads;
+    options->cache_policy =
+        m->extras & BY_DIRECTION ? VOCC_CACHE_DIRECTION : VOCC_CACHE_RECENT;
+    options->fusion = !(m->extras & NO_FUSION);
+    options->triangle_cache = (m->extras & LAST_TRIANGLE) != 0;
+    if (m->extras & (ENTRY_POINTS | NO_ENTRY_POINTS))
+        options->entry_points = (m->extras & ENTRY_POINTS) != 0;
+    if (m->extras & MANY_TRIANGLES)
+        options->entry_triangles = 64;
+    options->voxels = m->extras & IN_VOXELS ? 6 : 0;
 }
 
 const char *mode_text(const mode *m)
 {
-    static const char *const orders[] = {"auto", "standard", "extended", "bfs",
-                                         "qdbfs"};
+    static const char *const orders[] = {"auto", "standard", "extended",
+                                         "bfs",  "qdbfs",    "opaque_first",
+                                         "sato", "rtsah"};
     static const char *const isas[] = {"auto", "scalar", "sse2"};
     static char text[160];
     snprintf(text, sizeof(text),
-             "%s, occluders %d, cache %d, deferment %d, %s, %s, %d threads",
+             "%s, occluders %d, cache %d, deferment %d, %s, %s, %d threads, "
+             "extras %d",
              orders[m->order], m->occluders, m->cache, m->deferment,
-             m->packets ? "packets" : "single", isas[m->isa], m->threads);
+             m->packets ? "packets" : "single", isas[m->isa], m->threads,
+             m->extras);
     return text;
 }
 
@@ -177,9 +190,21 @@ static int length(const int *list)
 
 mode_list modes_of(const int *caches, const int *deferments, const int *threads)
 {
+    /* A prime number of them: every option meets every other. */
+    static const int extras[11] = {0,
+                                   BY_DIRECTION,
+                                   ENTRY_POINTS,
+                                   NO_FUSION | ENTRY_POINTS | MANY_TRIANGLES,
+                                   LAST_TRIANGLE | NO_ENTRY_POINTS,
+                                   IN_VOXELS | NO_ENTRY_POINTS,
+                                   ENTRY_POINTS | BY_DIRECTION | LAST_TRIANGLE,
+                                   IN_VOXELS | ENTRY_POINTS | NO_FUSION,
+                                   NO_FUSION | LAST_TRIANGLE | BY_DIRECTION,
+                                   ENTRY_POINTS | LAST_TRIANGLE,
+                                   NO_FUSION | NO_ENTRY_POINTS};
     mode_list list = {0, NULL};
     int orders[8], order_count = 0, isas[4], isa_count = 0;
-    for (int order = VOCC_ORDER_AUTO; order <= VOCC_ORDER_QDBFS; order++)
+    for (int order = VOCC_ORDER_AUTO; order <= VOCC_ORDER_RTSAH; order++)
         if (has_order(order))
             orders[order_count++] = order;
     for (int isa = VOCC_ISA_SCALAR; isa <= VOCC_ISA_SSE2; isa++)
@@ -195,8 +220,11 @@ mode_list modes_of(const int *caches, const int *deferments, const int *threads)
                 for (const int *c = caches; *c >= 0; c++)
                     for (const int *d = deferments; *d >= 0; d++)
                         for (const int *t = threads; *t >= 0; t++) {
-                            const mode m = {orders[o],  flags & 1, *c, *d,
-                                            flags >> 1, isas[i],   *t};
+                            const mode m = {
+                                orders[o],  flags & 1,
+                                *c,         *d,
+                                flags >> 1, isas[i],
+                                *t,         extras[list.count % 11]};
                             list.modes[list.count++] = m;
                         }
     return list;

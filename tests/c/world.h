@@ -38,8 +38,19 @@ vocc_rays rays_view(const ray_set *set, size_t first, size_t count);
 
 /* ---- modes ------------------------------------------------------------- */
 
+/* What else there is, in turns; the rest has its default. */
+enum {
+    BY_DIRECTION = 1,  /* the cache */
+    NO_FUSION = 2,     /* leaves in it, not grown boxes */
+    LAST_TRIANGLE = 4, /* tested first */
+    ENTRY_POINTS = 8,  /* for lights */
+    NO_ENTRY_POINTS = 16,
+    MANY_TRIANGLES = 32, /* kept by a search */
+    IN_VOXELS = 64       /* for lights */
+};
+
 typedef struct mode {
-    int order, occluders, cache, deferment, packets, isa, threads;
+    int order, occluders, cache, deferment, packets, isa, threads, extras;
 } mode;
 
 /* The order without occluders that everything is compared with: single rays,

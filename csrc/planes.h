@@ -1,0 +1,16 @@
+/* The planes of the triangles, for tests that need no more. */
+#ifndef VOCC_PLANES_H
+#define VOCC_PLANES_H
+
+#include "kdtree.h"
+#include "platform.h"
+
+/* Makes tree->planes: n and d of n . x = d for each triangle of the tree, the
+ * largest component of n being 1 or -1.  Each component of n is within 2^-24 of
+ * its own size and 2^-40, d within 2^-24 of its own size and 2^-37 of the
+ * tree's scale.  All four are 0 where double is not enough for that, and for
+ * triangles without area.  Returns 0 if there is no memory. */
+VOCC_INTERNAL int vocc_make_planes(const vocc_allocator *allocator,
+                                   vocc_tree *tree);
+
+#endif

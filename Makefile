@@ -13,18 +13,19 @@ PYTHON ?= $(or $(shell for p in python3 python3.14 python3.13 python3.12 python3
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench lib test-c lint format env clean FORCE
+.PHONY: help demo test bench reproduce lib test-c lint format env clean FORCE
 
 help:
-	@echo 'make demo     render the soft shadows of three scenes into out/, with and without occluders'
-	@echo 'make test     all tests: C (release, scalar, sanitize, thread), lint, Python'
-	@echo 'make bench    measure the speed (ARGS= for its arguments)'
-	@echo 'make lib      build/$$(config)/libvocc.a'
-	@echo 'make test-c   build and run the C tests (ONLY=name for some of them)'
-	@echo 'make lint     check the format of C and Python, and the types'
-	@echo 'make format   format C and Python'
-	@echo 'make env      .venv with the package and all that the other targets need'
-	@echo 'make clean    remove what was built, but not .venv'
+	@echo 'make demo       render the soft shadows of three scenes into out/, with and without occluders'
+	@echo 'make test       all tests: C (release, scalar, sanitize, thread), lint, Python'
+	@echo 'make bench      measure the speed (ARGS= for its arguments)'
+	@echo 'make reproduce  repeat the measurements of the paper into docs/results (ARGS=--quick, ...)'
+	@echo 'make lib        build/$$(config)/libvocc.a'
+	@echo 'make test-c     build and run the C tests (ONLY=name for some of them)'
+	@echo 'make lint       check the format of C and Python, and the types'
+	@echo 'make format     format C and Python'
+	@echo 'make env        .venv with the package and all that the other targets need'
+	@echo 'make clean      remove what was built, but not .venv'
 	@echo 'config=release|debug|sanitize|thread|scalar, CC=, CFLAGS=, LDFLAGS=, PYTHON='
 
 # ---- C -----------------------------------------------------------------------
@@ -112,6 +113,9 @@ demo: .venv/installed
 
 bench: .venv/installed
 	$(BIN)/python -m bench $(ARGS)
+
+reproduce: .venv/installed
+	$(BIN)/pyvocc reproduce -o docs/results $(ARGS)
 
 # ---- checks ------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from .workload import MESHES, normalised, save_mesh
 
 SHARED = ROOT.parent / "shared"
 
-# Generators of scenes/meshes.py with their parameters: about the size of the models.
+# Generators of pyvocc/shapes.py with their parameters: about the size of the models.
 _GENERATED: dict[str, dict[str, int]] = {
     "bumpy_solid": {},
     "torus_knot": {},
@@ -78,10 +78,10 @@ def inputs(folder: Path | None, only: Sequence[str]) -> list[Input]:
 
 
 def _generated(name: str) -> Input:
-    from scenes.meshes import GENERATORS
+    from pyvocc.shapes import GENERATORS
 
     if name not in GENERATORS:
-        raise BenchError(f"no generator {name!r} in scenes/meshes.py")
+        raise BenchError(f"no generator {name!r} in pyvocc/shapes.py")
     vertices, triangles = GENERATORS[name](**_GENERATED.get(name, {}))
     folder = BUILD / "meshes"
     folder.mkdir(parents=True, exist_ok=True)

@@ -35,9 +35,17 @@ def build() -> bool:
         raise BenchError("make is not installed") from None
     if made.returncode != 0:
         raise BenchError(f"the programs cannot be built:\n{made.stdout}{made.stderr}")
-    listed = subprocess.run(
-        ["make", "-s", "-f", "bench/build.mk", "list"], cwd=ROOT, capture_output=True, text=True
-    )
+    return has_embree()
+
+
+def has_embree() -> bool:
+    """Whether run_embree is among what can be compiled here."""
+    try:
+        listed = subprocess.run(
+            ["make", "-s", "-f", "bench/build.mk", "list"], cwd=ROOT, capture_output=True, text=True
+        )
+    except FileNotFoundError:
+        raise BenchError("make is not installed") from None
     return "run_embree" in listed.stdout
 
 

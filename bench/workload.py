@@ -1,6 +1,7 @@
 """The workload in NumPy: the same meshes and rays, bit for bit, as ``workload.c``.
 
-For the tests and for settling single rays; nothing here is timed.
+For the tests and for settling single rays; nothing here is timed. The definition itself is
+in `pyvocc/reproduce/workload.py`.
 """
 
 from __future__ import annotations
@@ -12,26 +13,35 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from pyvocc.reproduce.workload import (
+    GROUND_TRIANGLES,
+    GROUND_VERTICES,
+    LIGHTS,
+    directions,
+    normalised,
+)
+
+__all__ = [
+    "GROUND_TRIANGLES",
+    "GROUND_VERTICES",
+    "LIGHTS",
+    "MESHES",
+    "NOT_TRACED",
+    "GBuffer",
+    "Mesh",
+    "directions",
+    "load_counts",
+    "load_gbuffer",
+    "load_mesh",
+    "normalised",
+    "save_mesh",
+]
+
 Floats: TypeAlias = NDArray[np.float32]
 
 MESHES = ("bunny", "armadillo", "dragon", "cowboy", "tubes131", "rose", "city")
 NOT_TRACED = 255
 TILE = 32
-
-# corner, edge u, edge v
-LIGHTS = np.array(
-    [
-        [(-0.5, 3, -0.5), (1, 0, 0), (0, 0, 1)],
-        [(1.75, 1.25, 2.25), (0.5, 0, -0.5), (0, 0.5, 0)],
-        [(-2.25, 1.75, 1.75), (0.5, 0, 0.5), (0, 0.5, 0)],
-        [(-1.75, 2.25, -2.25), (-0.5, 0, 0.5), (0, 0.5, 0)],
-        [(2.25, 1.5, -1.75), (-0.5, 0, -0.5), (0, 0.5, 0)],
-    ],
-    np.float32,
-)
-
-GROUND_VERTICES = np.array([(-16, 0, -16), (16, 0, -16), (16, 0, 16), (-16, 0, 16)], np.float32)
-GROUND_TRIANGLES = np.array([(0, 2, 1), (0, 3, 2)], np.int32)
 
 _TYPES = {
     "float": "<f4",
@@ -90,15 +100,6 @@ def save_mesh(path: Path, vertices: Floats, triangles: NDArray[np.int32]) -> Non
     path.write_bytes(header.encode("ascii") + rows.tobytes() + faces.tobytes())
 
 
-def normalised(vertices: Floats, triangles: NDArray[np.int32]) -> Floats:
-    used = vertices[triangles.ravel()].astype(np.float64)
-    lower, upper = used.min(axis=0), used.max(axis=0)
-    scale = 1.0 / (upper - lower).max()
-    centre = np.array([(lower[0] + upper[0]) * 0.5, lower[1], (lower[2] + upper[2]) * 0.5])
-    moved: NDArray[np.float64] = (vertices.astype(np.float64) - centre) * scale
-    return moved.astype(np.float32)
-
-
 @dataclass(frozen=True)
 class GBuffer:
     width: int
@@ -128,28 +129,3 @@ def load_gbuffer(path: Path) -> GBuffer:
 def load_counts(path: Path, width: int, height: int) -> NDArray[np.uint8]:
     """(lights, height, width) visible samples, 255 where not traced."""
     return np.fromfile(path, np.uint8).reshape(len(LIGHTS), height, width)
-
-
-def directions(light: int, pixel: int, org: Floats, samples: int) -> Floats:
-    """(samples, 3), from one pixel to one light."""
-    nv = next(n for n in range(int(samples**0.5), 0, -1) if samples % n == 0)
-    nu = samples // nv
-    s = np.arange(samples, dtype=np.uint32)
-    h = _hash32(np.uint32((pixel * 2048 + light * 256) % 2**32) + s)
-    step = np.float32(1 / 65536)
-    j1 = (h & np.uint32(0xFFFF)).astype(np.float32) * step
-    j2 = (h >> np.uint32(16)).astype(np.float32) * step
-    one = np.float32(1)
-    a = ((s % nu).astype(np.float32) + j1) * (one / np.float32(nu))
-    b = ((s // nu).astype(np.float32) + j2) * (one / np.float32(nv))
-    corner, u, v = LIGHTS[light]
-    target = (corner + a[:, None] * u) + b[:, None] * v
-    return np.asarray(target - org.astype(np.float32), np.float32)
-
-
-def _hash32(x: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    x = x ^ (x >> np.uint32(16))
-    x = x * np.uint32(0x7FEB352D)
-    x = x ^ (x >> np.uint32(15))
-    x = x * np.uint32(0x846CA68B)
-    return x ^ (x >> np.uint32(16))

@@ -30,7 +30,14 @@ from .errors import (
     UnsupportedError,
 )
 from .lights import RectLight
-from .report import BuildSeconds, ComponentReport, MeshReport, Report, TreeReport
+from .report import (
+    BuildSeconds,
+    ComponentReport,
+    MeshReport,
+    RayClassification,
+    Report,
+    TreeReport,
+)
 from .scene import Hits, Scene, Solid
 from .shadow import ShadowPass, shadow_pass
 from .stats import Stats
@@ -60,6 +67,7 @@ __all__ = [
     "OutOfMemory",
     "PerspectiveCamera",
     "QueryOptions",
+    "RayClassification",
     "RectLight",
     "Report",
     "Scene",

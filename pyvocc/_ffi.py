@@ -7,7 +7,7 @@ check, and its refusals are raised as exceptions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import TracebackType
 from typing import Any, TypeAlias
 
@@ -19,7 +19,14 @@ from ._values import Vector, is_true
 from ._vocc import ffi, lib
 from .errors import EXCEPTIONS, from_status
 from .lights import RectLight
-from .report import BuildSeconds, ComponentReport, MeshReport, Report, TreeReport
+from .report import (
+    BuildSeconds,
+    ComponentReport,
+    MeshReport,
+    RayClassification,
+    Report,
+    TreeReport,
+)
 from .stats import Stats
 
 Progress: TypeAlias = Callable[[float], object]
@@ -33,6 +40,13 @@ ORDERS: Mapping[str, int] = {
     "extended": lib.VOCC_ORDER_EXTENDED,
     "bfs": lib.VOCC_ORDER_BFS,
     "qdbfs": lib.VOCC_ORDER_QDBFS,
+    "opaque_first": lib.VOCC_ORDER_OPAQUE_FIRST,
+    "sato": lib.VOCC_ORDER_SATO,
+    "rtsah": lib.VOCC_ORDER_RTSAH,
+}
+CACHE_POLICIES: Mapping[str, int] = {
+    "recent": lib.VOCC_CACHE_RECENT,
+    "direction": lib.VOCC_CACHE_DIRECTION,
 }
 ISAS: Mapping[str, int] = {
     "auto": lib.VOCC_ISA_AUTO,
@@ -77,6 +91,12 @@ class Query:
     occluders: int
     deferment: int
     cache: int
+    cache_policy: int
+    fusion: int
+    triangle_cache: int
+    entry_points: int
+    entry_triangles: int
+    voxels: int
     packets: int
     isa: int
     threads: int
@@ -349,16 +369,14 @@ def _query(
     query: Query,
     progress: Progress | None,
     stats: Stats | None,
+    steps: AnyArray | None = None,
 ) -> None:
     options = ffi.new("vocc_query_options *")
     lib.vocc_query_options_init(options)
-    options.order = query.order
-    options.occluders = query.occluders
-    options.deferment = query.deferment
-    options.cache = query.cache
-    options.packets = query.packets
-    options.isa = query.isa
-    options.threads = query.threads
+    for field in fields(query):
+        setattr(options, field.name, getattr(query, field.name))
+    if steps is not None:
+        options.point_steps = _pointer("uint32_t", steps)
     if stats is None:
         _run(function, args, options, progress)
         return
@@ -431,6 +449,27 @@ def region(
     _query(lib.vocc_region, args, query, progress, stats)
 
 
+def classify_by_rays(
+    scene: Handle, direction: Vector | None, query: Query, progress: Progress | None
+) -> RayClassification:
+    """One test ray a leaf; None is the library's direction."""
+    flood = leaves(scene)["label"]
+    labels = np.empty(len(flood), np.int32)
+    result = ffi.new("vocc_ray_classification *")
+    result.size = ffi.sizeof("vocc_ray_classification")
+    vector = ffi.NULL if direction is None else ffi.new("double[3]", direction)
+    args = (scene, vector, len(labels), _pointer("int32_t", labels), result)
+    _query(lib.vocc_scene_classify_by_rays, args, query, progress, None)
+    both = (flood != UNKNOWN) & (labels != UNKNOWN)
+    return RayClassification(
+        labels=labels,
+        disagreements=np.flatnonzero(both & (flood != labels)),
+        rays=result.rays,
+        seconds=result.seconds,
+        threads=result.threads,
+    )
+
+
 def light_visibility(
     scene: Handle,
     count: int,
@@ -443,8 +482,9 @@ def light_visibility(
     query: Query,
     progress: Progress | None,
     stats: Stats | None,
+    steps: AnyArray | None,
 ) -> None:
-    """Fills visible: (lights, count) uint16."""
+    """Fills visible: (lights, count) uint16, and steps: (count) uint32."""
     args = (
         scene,
         count,
@@ -459,4 +499,4 @@ def light_visibility(
         samples,
         _pointer("uint16_t", visible),
     )
-    _query(lib.vocc_light_visibility, args, query, progress, stats)
+    _query(lib.vocc_light_visibility, args, query, progress, stats, steps)

@@ -19,12 +19,43 @@ MAX_THREADS = 256
 
 
 class QueryOptions(TypedDict, total=False):
-    """The options of `Scene.occluded` and `Scene.light_visibility`; none changes a result."""
+    """How `Scene.occluded`, `Scene.light_visibility` and `shadow_pass` go about it.
+
+    None of these changes a result; docs/method.md says what each does.
+
+    Attributes:
+        order: "auto" (default: chosen by `build`), "standard", "extended", "bfs", "qdbfs",
+            "opaque_first", "sato" or "rtsah".
+        occluders: use volumetric occluders (default True).
+        deferment: boundary leaves on the deferment list, 0 to 512 (default).
+        cache: occluders in the cache, 0 to 64 (default 8); by direction, cells along an edge
+            of a cube map.
+        cache_policy: "recent" (default: those that blocked last) or "direction" (the last one
+            for each direction).
+        fusion: the cache holds boxes grown beyond their leaf (default True).
+        triangle_cache: test the triangle that blocked last before the tree (default False).
+        entry_points: look for what the rays of neighbouring points to a light can meet, all at
+            once, and trace from there what that does not settle. Default None: in order
+            "auto" only. For light_visibility.
+        entry_triangles: such a search gives up when it has found more triangles, 0 to 64
+            (default 8).
+        voxels: settle points by the voxel that they are in, so many along the longest side of
+            the points' bounds, up to 1024; default 0: not. For light_visibility.
+        packets: rays are traced four at a time (default True).
+        isa: "auto" (default), "scalar" or "sse2".
+        threads: default None: as the scene was made.
+    """
 
     order: str
     occluders: bool
-    cache: int
     deferment: int
+    cache: int
+    cache_policy: str
+    fusion: bool
+    triangle_cache: bool
+    entry_points: bool | None
+    entry_triangles: int
+    voxels: int
     packets: bool
     isa: str
     threads: int | None
@@ -37,33 +68,35 @@ def threads_or(threads: int | None, default: int) -> int:
 
 def check_options(progress: Progress | None, stats: Stats | None, options: QueryOptions) -> None:
     """Raises what a query would raise for its options, before the work that leads to it."""
-    unknown = set(options) - QueryOptions.__optional_keys__
-    if unknown:
-        raise InvalidType(f"there is no option {min(unknown)!r}")
     checked_progress(progress)
     checked_stats(stats)
-    query_of(0, **options)
+    query_of(0, options)
 
 
-def query_of(
-    default_threads: int,
-    order: str = "auto",
-    occluders: bool = True,
-    cache: int = 8,
-    deferment: int = 512,
-    packets: bool = True,
-    isa: str = "auto",
-    threads: int | None = None,
-) -> _ffi.Query:
-    """The options of `Scene.occluded`, of those that a query has."""
+def query_of(default_threads: int, options: QueryOptions) -> _ffi.Query:
+    """The options, checked, with the defaults for the others."""
+    unknown = set(options) - QueryOptions.__optional_keys__
+    if unknown:
+        name = min(unknown)
+        known = ", ".join(sorted(QueryOptions.__optional_keys__))
+        raise InvalidType(f"there is no option {name!r}; there are {known}", argument=name)
+    entry = options.get("entry_points")
     return _ffi.Query(
-        order=choice("order", order, _ffi.ORDERS),
-        occluders=flag("occluders", occluders),
-        deferment=integer("deferment", deferment),
-        cache=integer("cache", cache),
-        packets=flag("packets", packets),
-        isa=choice("isa", isa, _ffi.ISAS),
-        threads=threads_or(threads, default_threads),
+        order=choice("order", options.get("order", "auto"), _ffi.ORDERS),
+        occluders=flag("occluders", options.get("occluders", True)),
+        deferment=integer("deferment", options.get("deferment", 512)),
+        cache=integer("cache", options.get("cache", 8)),
+        cache_policy=choice(
+            "cache_policy", options.get("cache_policy", "recent"), _ffi.CACHE_POLICIES
+        ),
+        fusion=flag("fusion", options.get("fusion", True)),
+        triangle_cache=flag("triangle_cache", options.get("triangle_cache", False)),
+        entry_points=-1 if entry is None else flag("entry_points", entry),
+        entry_triangles=integer("entry_triangles", options.get("entry_triangles", 8)),
+        voxels=integer("voxels", options.get("voxels", 0)),
+        packets=flag("packets", options.get("packets", True)),
+        isa=choice("isa", options.get("isa", "auto"), _ffi.ISAS),
+        threads=threads_or(options.get("threads"), default_threads),
     )
 
 

@@ -18,8 +18,10 @@ from typing import Any, NoReturn, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from . import __version__, images, scene_files
+from . import OPAQUE, __version__, images, scene_files
+from ._ffi import CACHE_POLICIES, ORDERS
 from ._files import FileError, check_writable
+from ._query import QueryOptions
 from .errors import Error
 from .mesh_files import load_mesh
 from .report import MeshReport
@@ -33,8 +35,8 @@ UNUSABLE = 2  # a file, argument or package that the command cannot work with
 INTERRUPTED = 130  # as shells have it: 128 + SIGINT
 BROKEN_PIPE = 141  # 128 + SIGPIPE
 
-ORDERS = ("auto", "standard", "extended", "bfs", "qdbfs")
 MAX_SIDE = 65536
+LISTED_LEAVES = 10
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -94,6 +96,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="list so many open edges of each mesh (default 10)",
     )
+    check.add_argument(
+        "--rays",
+        action="store_true",
+        help="label the empty leaves by one test ray each, too, and say where that is different",
+    )
     check.set_defaults(run=_check)
 
     shadow = commands.add_parser(
@@ -125,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="shadow rays to each light and pixel (default 20)",
     )
-    add("--order", choices=ORDERS, default="auto", help="traversal order (default auto)")
+    add("--order", choices=tuple(ORDERS), default="auto", help="traversal order (default auto)")
     add("--no-occluders", action="store_true", help="do not use volumetric occluders")
     add(
         "--cache",
@@ -141,6 +148,37 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="leaves on the deferment list, 0 to 512 (default 512)",
     )
+    add(
+        "--cache-policy",
+        choices=sorted(CACHE_POLICIES),
+        default="recent",
+        help="what the cache holds: the occluders that blocked last, or the last one for each "
+        "direction (default recent)",
+    )
+    add("--no-fusion", action="store_true", help="the cache holds leaves, not grown boxes")
+    add("--triangle-cache", action="store_true", help="test the triangle that blocked last first")
+    add(
+        "--entry-points",
+        choices=("auto", "yes", "no"),
+        default="auto",
+        help="settle neighbouring pixels at once where that is possible (default auto: yes in "
+        "order auto)",
+    )
+    add(
+        "--entry-triangles",
+        type=_integer(0, 64),
+        default=8,
+        metavar="N",
+        help="triangles at which a search of entry points gives up, 0 to 64 (default 8)",
+    )
+    add(
+        "--voxels",
+        type=_integer(0, 1024),
+        default=0,
+        metavar="N",
+        help="settle pixels by voxels, so many along the longest side (default 0: not)",
+    )
+    add("--single-rays", action="store_true", help="trace ray by ray, not four at a time")
     add(
         "--threads",
         type=_integer(1, 256),
@@ -160,6 +198,39 @@ def _parser() -> argparse.ArgumentParser:
     diff.add_argument("a", type=Path, metavar="A")
     diff.add_argument("b", type=Path, metavar="B")
     diff.set_defaults(run=_diff)
+
+    reproduce = commands.add_parser(
+        "reproduce",
+        help="repeat the measurements of the paper",
+        description="Repeats the measurements of the paper that this package implements, and "
+        "writes results.html and results.md with the paper's figures beside its own. What has "
+        "been measured is kept in the folder: after Ctrl-C the same command goes on. "
+        "Exit code: 0 done, 1 images differ, which must not be, 2 not possible.",
+        allow_abbrev=False,
+    )
+    add = reproduce.add_argument
+    add("-o", "--output", type=Path, required=True, metavar="DIR", help="made if it is not there")
+    add(
+        "--meshes",
+        type=Path,
+        metavar="DIR",
+        help="with armadillo, bunny, dragon, rose, tubes131 and cowboy .ply (default: meshes that "
+        "are generated to stand for them)",
+    )
+    add("--only", type=_names, default=(), metavar="A,B", help="only these of the meshes")
+    add("--size", type=_integer(8, 8192), metavar="N", help="pixels, squared (default 1024)")
+    add("--samples", type=_integer(1, 65534), metavar="N", help="of each light (default 20)")
+    add("--rounds", type=_integer(1, 99), metavar="N", help="of timed passes (default 3)")
+    add(
+        "--sweep-size",
+        type=_integer(8, 8192),
+        metavar="N",
+        help="pixels, squared, where the sizes of list and cache are varied (default: --size, "
+        "at most 512)",
+    )
+    add("--quick", action="store_true", help="defaults of 128 pixels, 4 samples, 1 round")
+    add("--no-embree", action="store_true", help="do not measure Embree where it is installed")
+    reproduce.set_defaults(run=_reproduce)
     return parser
 
 
@@ -174,6 +245,13 @@ def _integer(lower: int, upper: int) -> Any:
         return value
 
     return parse
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(part.strip() for part in text.split(","))
+    if not all(names):
+        raise argparse.ArgumentTypeError(f"expected names, like bunny,dragon, got {text!r}")
+    return names
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -244,7 +322,7 @@ def _check(options: argparse.Namespace) -> int:
     code = 0
     for path in options.meshes:
         try:
-            closed = _check_mesh(path, options.edges)
+            closed = _check_mesh(path, options.edges, options.rays)
         except (FileError, ImportError) as error:
             sys.stdout.flush()  # keep the order where both go to one place
             _fail(str(error), UNUSABLE)
@@ -254,7 +332,7 @@ def _check(options: argparse.Namespace) -> int:
     return code
 
 
-def _check_mesh(path: Path, edge_limit: int) -> bool:
+def _check_mesh(path: Path, edge_limit: int, rays: bool) -> bool:
     vertices, triangles = load_mesh(path)
     with Scene() as scene, Progress(f"{path.name}") as progress:
         try:
@@ -263,6 +341,7 @@ def _check_mesh(path: Path, edge_limit: int) -> bool:
         except ValueError as error:  # a vertex that is not finite, too many triangles
             raise FileError(path, str(error)) from None
         edges = scene.open_edges(0)
+        comparison = list(_ray_lines(scene, progress)) if rays else []
     print(f"{path}: {'closed' if mesh.closed else 'open'}")
     for line in _mesh_lines(mesh):
         print(f"  {line}")
@@ -274,7 +353,33 @@ def _check_mesh(path: Path, edge_limit: int) -> bool:
         for prim_id, side in shown.tolist():
             a, b = triangles[prim_id, side], triangles[prim_id, (side + 1) % 3]
             print(f"    triangle {prim_id}: {_point(vertices[a])} to {_point(vertices[b])}")
+    for line in comparison:
+        print(f"  {line}")
     return mesh.closed
+
+
+def _ray_lines(scene: Scene, progress: Progress) -> Iterator[str]:
+    """The flood fill of the build beside the paper's classification."""
+    by_rays, tree = scene.classify_by_rays(progress=progress), scene.report.tree
+    empty = tree.opaque_leaves + tree.clear_leaves + tree.unknown_leaves
+    yield f"{_count(empty, 'empty leaf', 'empty leaves')}, {tree.opaque_leaves} of them opaque"
+    yield (
+        f"by flood fill: {_count(tree.seed_rays, 'ray')}, "
+        f"{scene.report.seconds.classify:.3f} s with the occluders made of them"
+    )
+    yield f"by one ray each: {_count(by_rays.rays, 'ray')}, {by_rays.seconds:.3f} s"
+    wrong = by_rays.disagreements
+    if not len(wrong):
+        yield "no leaf where they disagree"
+        return
+    some = "" if len(wrong) <= LISTED_LEAVES else f", the first {LISTED_LEAVES}"
+    yield f"they disagree on {_count(len(wrong), 'leaf', 'leaves')}{some}:"
+    leaves = scene.leaves()
+    for index in wrong[:LISTED_LEAVES].tolist():
+        leaf = leaves[index]
+        lower, upper = _point(leaf["lower"] + scene.origin), _point(leaf["upper"] + scene.origin)
+        flood, ray = ("opaque", "clear") if leaf["label"] == OPAQUE else ("clear", "opaque")
+        yield f"  leaf {index}: {flood}, by its ray {ray}; {lower} to {upper}"
 
 
 def _mesh_lines(mesh: MeshReport) -> Iterator[str]:
@@ -320,7 +425,6 @@ def _count(count: int, one: str, many: str | None = None) -> str:
 
 def _shadow(options: argparse.Namespace) -> int:
     exr, png = _outputs(options)
-    _check_order(options.order)
     start = time.perf_counter()
     file = scene_files.load_scene(options.scene)
     loaded = time.perf_counter()
@@ -328,11 +432,18 @@ def _shadow(options: argparse.Namespace) -> int:
         scene = file.build(threads=options.threads, progress=progress)
     built = time.perf_counter()
     stats = Stats() if options.stats else None
-    query = {
+    query: QueryOptions = {
         "order": options.order,
         "occluders": not options.no_occluders,
         "cache": options.cache,
         "deferment": options.deferment,
+        "cache_policy": options.cache_policy,
+        "fusion": not options.no_fusion,
+        "triangle_cache": options.triangle_cache,
+        "entry_points": {"auto": None, "yes": True, "no": False}[options.entry_points],
+        "entry_triangles": options.entry_triangles,
+        "voxels": options.voxels,
+        "packets": not options.single_rays,
     }
     with scene, Progress("shadows") as progress:
         result = shadow_pass(
@@ -394,13 +505,6 @@ def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path]:
             check_writable(path)
     images.check_packages(exr is not None)
     return exr, png
-
-
-def _check_order(order: str) -> None:
-    """Lets the library refuse an order that it does not have, before the scene is read."""
-    with Scene() as scene:
-        scene.build()
-        scene.occluded((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), order=order)
 
 
 def _rays(result: ShadowPass) -> int:
@@ -468,6 +572,33 @@ def _channel_line(name: str, where: NDArray[np.bool_], a: NDArray[Any], b: NDArr
 
 def _incomparable(message: str) -> NoReturn:
     raise Error(message)
+
+
+# ---- reproduce -------------------------------------------------------------------------
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from .reproduce.run import Interrupted, check, reproduce
+    from .reproduce.settings import Settings
+
+    settings = Settings.of(
+        options.meshes,
+        options.only,
+        options.size,
+        options.sweep_size,
+        options.samples,
+        options.rounds,
+        options.quick,
+    )
+    try:
+        check(options.output, settings)
+        differences = reproduce(options.output, settings, embree=not options.no_embree)
+    except Interrupted as stop:
+        return _fail(str(stop), INTERRUPTED)
+    print(f"wrote {options.output / 'results.html'} and results.md")
+    for text in differences:
+        _fail(f"the images differ: {text}", DIFFERENT)
+    return DIFFERENT if differences else 0
 
 
 @contextlib.contextmanager

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ._values import Vector
 
 # Components listed for each mesh before the table says how many more there are.
@@ -211,6 +214,27 @@ class Report:
                 ("auto order", tree.auto_order),
             ]
         )
+
+
+@dataclass(frozen=True, eq=False)
+class RayClassification:
+    """The leaves as the paper labels them, by one test ray each (`Scene.classify_by_rays`).
+
+    Attributes:
+        labels: int32, of each leaf in the order of `Scene.leaves`: BOUNDARY; CLEAR or OPAQUE, as
+            its ray says; UNKNOWN, empty but too thin for a ray.
+        disagreements: indices of the leaves that the ray calls CLEAR and the build OPAQUE, or
+            the other way round.
+        rays: one for each leaf that is CLEAR or OPAQUE in `labels`.
+        seconds: of the whole call.
+        threads: used by it.
+    """
+
+    labels: NDArray[np.int32]
+    disagreements: NDArray[np.intp]
+    rays: int
+    seconds: float
+    threads: int
 
 
 def _mesh_rows(mesh: MeshReport) -> Iterable[Sequence[str]]:

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import NamedTuple, NoReturn, Self
+from typing import NamedTuple, NoReturn, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from . import _ffi
 from ._arrays import AnyArray, broadcast, floats, integers, output, rows, split_rows
 from ._ffi import Progress
 from ._query import (
+    QueryOptions,
     check_ids,
     checked_point_ids,
     checked_progress,
@@ -24,11 +25,11 @@ from ._query import (
     rays_of,
     threads_or,
 )
-from ._values import flag, integer, number
+from ._values import flag, integer, number, vector
 from .errors import InvalidType, StateError
 from .lights import RectLight, checked_lights
 from .mesh import Geometry, checked_triangles, checked_vertices
-from .report import Report
+from .report import RayClassification, Report
 from .stats import Stats
 
 
@@ -316,7 +317,7 @@ class Scene:
             rounded to float32; among equals the smallest (geom_id, prim_id).
         """
         count, lead, rays = rays_of(org, dir, tmin, tmax)
-        query = query_of(self._threads, packets=packets, isa=isa, threads=threads)
+        query = query_of(self._threads, {"packets": packets, "isa": isa, "threads": threads})
         hits = Hits(
             np.empty(lead, np.float32),
             np.empty(lead, np.int32),
@@ -337,16 +338,10 @@ class Scene:
         tmin: ArrayLike = 0.0,
         tmax: ArrayLike = np.inf,
         *,
-        order: str = "auto",
-        occluders: bool = True,
-        cache: int = 8,
-        deferment: int = 512,
-        packets: bool = True,
-        isa: str = "auto",
-        threads: int | None = None,
         progress: Progress | None = None,
         stats: Stats | None = None,
         out: NDArray[np.bool_] | NDArray[np.uint8] | None = None,
+        **options: Unpack[QueryOptions],
     ) -> NDArray[np.bool_] | NDArray[np.uint8]:
         """Whether each ray org + t dir crosses a triangle, t strictly between tmin and tmax.
 
@@ -354,13 +349,11 @@ class Scene:
 
         Args:
             org, dir, tmin, tmax: as in `intersect`.
-            order: "auto" (chosen by `build`), "standard", "extended", "bfs" or "qdbfs".
-            occluders: use volumetric occluders.
-            cache: occluders in the cache, 0 to 64.
-            deferment: boundary leaves on the deferment list, 0 to 512.
-            packets, isa, threads, progress, stats: as in `intersect`.
+            progress, stats: as in `intersect`.
             out: a C-contiguous array of bool or uint8 with the result's shape, which is
                 filled and returned.
+            **options: how it is done: order, occluders, cache, threads, ...; see
+                `QueryOptions`.
 
         Returns:
             bool with the broadcast leading shape, or `out`.
@@ -369,7 +362,7 @@ class Scene:
             UnsupportedError: the library has no such order or isa.
         """
         count, lead, rays = rays_of(org, dir, tmin, tmax)
-        query = query_of(self._threads, order, occluders, cache, deferment, packets, isa, threads)
+        query = query_of(self._threads, options)
         result = output("out", out, lead, (np.bool_, np.uint8))
         with self._borrow() as scene:
             _ffi.occluded(
@@ -401,7 +394,7 @@ class Scene:
         """
         array = floats("points", points)
         lead = split_rows("points", array, 3)
-        query = query_of(self._threads, threads=threads)
+        query = query_of(self._threads, {"threads": threads})
         result = np.empty(lead, np.int32)
         with self._borrow() as scene:
             _ffi.region(
@@ -423,16 +416,11 @@ class Scene:
         samples: int = 20,
         point_ids: ArrayLike | None = None,
         *,
-        order: str = "auto",
-        occluders: bool = True,
-        cache: int = 8,
-        deferment: int = 512,
-        packets: bool = True,
-        isa: str = "auto",
-        threads: int | None = None,
         progress: Progress | None = None,
         stats: Stats | None = None,
+        steps: NDArray[np.uint32] | None = None,
         out: NDArray[np.uint16] | None = None,
+        **options: Unpack[QueryOptions],
     ) -> NDArray[np.uint16]:
         """How many samples of each light each point sees.
 
@@ -446,10 +434,12 @@ class Scene:
             lights: any number of RectLight.
             samples: of each light, 1 to 65534.
             point_ids: (...) integers from 0 to 2^32 - 1 for the hash; default 0, 1, 2, ...
-            order, occluders, cache, deferment, packets, isa, threads, progress, stats: as
-                in `occluded`.
+            progress, stats: as in `intersect`.
+            steps: a C-contiguous uint32 array of shape (...) that is filled with the
+                traversal steps spent on each point; packets then hold rays of one point.
             out: a C-contiguous uint16 array with the result's shape, which is filled and
                 returned.
+            **options: as in `occluded`.
 
         Returns:
             uint16 of shape (lights, ...): 0 to samples; NOT_TRACED (65535) where the
@@ -464,8 +454,10 @@ class Scene:
         lead = broadcast(shapes)
         rects = checked_lights(lights)
         count = integer("samples", samples)
-        query = query_of(self._threads, order, occluders, cache, deferment, packets, isa, threads)
+        query = query_of(self._threads, options)
         result = output("out", out, (len(rects), *lead), (np.uint16,))
+        if steps is not None:
+            output("steps", steps, lead, (np.uint32,))
         with self._borrow() as scene:
             _ffi.light_visibility(
                 scene,
@@ -479,6 +471,7 @@ class Scene:
                 query,
                 checked_progress(progress),
                 checked_stats(stats),
+                steps,
             )
         return result
 
@@ -505,6 +498,29 @@ class Scene:
         """
         with self._borrow() as scene:
             return _ffi.leaves(scene)
+
+    def classify_by_rays(
+        self,
+        direction: ArrayLike | None = None,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> RayClassification:
+        """The leaves as the paper labels them: by one test ray from the centre of each.
+
+        A leaf is OPAQUE if the first triangle that its ray meets is met from behind. To compare
+        with what `build` found; nothing else uses these labels, which are wrong where a mesh is
+        open, overlaps another or is inside out, and may be where a ray passes through an edge.
+
+        Args:
+            direction: of all rays; any three finite numbers, not all 0. Default one in no
+                relation to any mesh.
+            threads, progress: see the class.
+        """
+        axis = None if direction is None else vector("direction", direction)
+        query = query_of(self._threads, {"threads": threads})
+        with self._borrow() as scene:
+            return _ffi.classify_by_rays(scene, axis, query, checked_progress(progress))
 
     def leaf_triangles(self, first: int, count: int) -> NDArray[np.int32]:
         """The triangles of a leaf, given its `first` and `count` from `leaves`.

@@ -87,8 +87,7 @@ def shadow_pass(
         offset: how far shading points are moved off the surface, >= 0, in the scene's unit;
             default 1e-4 of `scene.closed_extent`.
         stats: counters of the shadow rays (not the primary rays), which are added to.
-        **options: order, occluders, cache, deferment, packets, isa, threads, as in
-            `Scene.occluded`. They do not change the picture.
+        **options: how it is done, see `QueryOptions`. They do not change the picture.
 
     Raises:
         As the methods of Scene.

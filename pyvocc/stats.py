@@ -25,10 +25,16 @@ class Stats:
         occluder_hits_tree: rays blocked by an opaque leaf.
         occluder_hits_cache: rays blocked by a cached occluder.
         cache_lookups: packet x cached box.
+        triangle_cache_hits: rays blocked by the last triangle.
         fallbacks: rays whose end could not be certified when an occluder was about to decide.
         deferred: leaves put on the deferment list.
         queue_pushes, queue_pops: of the breadth-first orders.
         careful_rays: traced in double, with values outside the range of the float kernels.
+        entry_searches: searches of entry points, one for a group of points and a light.
+        entry_steps, entry_tests: nodes and triangles looked at there and for voxels.
+        entry_lit_rays, entry_dark_rays: rays that need no tracing.
+        entry_few_rays: rays tested against a short list of triangles instead.
+        voxel_lit_rays, voxel_dark_rays: rays that need no tracing.
     """
 
     rays: int = 0
@@ -42,11 +48,20 @@ class Stats:
     occluder_hits_tree: int = 0
     occluder_hits_cache: int = 0
     cache_lookups: int = 0
+    triangle_cache_hits: int = 0
     fallbacks: int = 0
     deferred: int = 0
     queue_pushes: int = 0
     queue_pops: int = 0
     careful_rays: int = 0
+    entry_searches: int = 0
+    entry_steps: int = 0
+    entry_tests: int = 0
+    entry_lit_rays: int = 0
+    entry_dark_rays: int = 0
+    entry_few_rays: int = 0
+    voxel_lit_rays: int = 0
+    voxel_dark_rays: int = 0
 
     @property
     def lanes_per_visit(self) -> float:

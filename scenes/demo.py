@@ -24,12 +24,9 @@ import pyvocc
 from pyvocc import images
 from pyvocc.cli import Progress
 from pyvocc.io import FileError, SceneFile, load_scene, look, save_ply, write_exr, write_png
+from pyvocc.shapes import generate
 
 HERE = Path(__file__).resolve().parent
-sys.path.append(str(HERE.parent))
-
-from scenes.meshes import generate  # noqa: E402  (the folder is not installed)
-
 OUT = HERE.parent / "out"
 
 # File name in out/meshes, generator, its parameters.

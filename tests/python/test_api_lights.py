@@ -334,10 +334,40 @@ def test_options_do_not_change_the_picture(small: Small) -> None:
         {"order": "standard", "occluders": False},
         {"order": "qdbfs", "cache": 0},
         {"packets": False, "isa": "scalar", "threads": 1},
+        {"order": "opaque_first", "cache_policy": "direction", "fusion": False},
+        {"order": "rtsah", "occluders": False, "triangle_cache": True, "entry_points": True},
+        {"order": "sato", "voxels": 40, "entry_triangles": 0},
     ):
         other = pyvocc.shadow_pass(scene, camera, LIGHTS, (64, 64), 4, **options)
         assert (other.counts == first.counts).all()
         assert other.position.tobytes() == first.position.tobytes()
+
+
+def test_steps_of_each_point_add_up(small: Small) -> None:
+    scene, camera = small
+    image = pyvocc.shadow_pass(scene, camera, LIGHTS, (24, 20), 4)
+    arguments = (image.position, image.normal, LIGHTS, 4)
+    for options in ({}, {"order": "qdbfs"}, {"voxels": 8}):
+        stats, steps = pyvocc.Stats(), np.full((20, 24), 7, np.uint32)
+        counts = scene.light_visibility(*arguments, steps=steps, stats=stats, **options)
+        assert (counts == image.counts).all()
+        assert steps.sum() == stats.node_visits
+        assert (steps[np.isnan(image.position).any(axis=-1)] == 0).all()
+    for wrong in (np.zeros((20, 24), np.int32), np.zeros(480, np.uint32), [0]):
+        with pytest.raises((pyvocc.InvalidType, pyvocc.InvalidArgument), match="steps"):
+            scene.light_visibility(*arguments, steps=wrong)  # type: ignore[arg-type]
+
+
+def test_searches_settle_most_of_a_simple_picture(small: Small) -> None:
+    scene, camera = small
+    stats = pyvocc.Stats()
+    pyvocc.shadow_pass(scene, camera, LIGHTS, (256, 256), 4, stats=stats)
+    assert stats.entry_lit_rays > 0.2 * stats.rays
+    assert stats.entry_lit_rays + stats.entry_dark_rays < stats.rays
+    off = pyvocc.Stats()
+    pyvocc.shadow_pass(scene, camera, LIGHTS, (256, 256), 4, stats=off, entry_points=False)
+    assert off.entry_searches == 0 and off.rays == stats.rays
+    assert off.node_visits > stats.node_visits
 
 
 def test_the_offset_is_what_is_asked_for(small: Small) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import tracemalloc
 from typing import Any
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 import pyvocc
 from pyvocc import _arrays, _ffi
+from pyvocc._query import query_of
 
 # ---- results -----------------------------------------------------------------
 
@@ -314,12 +314,9 @@ def test_the_scene_gives_the_default_of_threads(monkeypatch: pytest.MonkeyPatch)
 def test_defaults_are_those_of_the_library() -> None:
     options = _ffi.ffi.new("vocc_query_options *")
     _ffi.lib.vocc_query_options_init(options)
-    for method in (pyvocc.Scene.occluded, pyvocc.Scene.light_visibility):
-        parameters = inspect.signature(method).parameters
-        assert _ffi.ORDERS[parameters["order"].default] == options.order
-        assert _ffi.ISAS[parameters["isa"].default] == options.isa
-        for name in ("occluders", "cache", "deferment", "packets"):
-            assert parameters[name].default == getattr(options, name)
+    defaults = dataclasses.asdict(query_of(0, {}))
+    assert {name: getattr(options, name) for name in defaults} == defaults
+    assert set(defaults) == set(pyvocc.QueryOptions.__optional_keys__)
 
 
 # ---- counters ----------------------------------------------------------------

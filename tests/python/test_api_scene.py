@@ -69,7 +69,7 @@ def test_the_tree_in_the_report_agrees_with_its_leaves(torus: pyvocc.Scene) -> N
     x, y, z = size.T
     assert (2 * (x * y + y * z + z * x)).sum() == pytest.approx(tree.occluder_area)
     assert 0.3 < tree.opaque_volume_fraction < 1
-    assert tree.auto_order in ("standard", "qdbfs")
+    assert tree.auto_order == "opaque_first"
     assert tree.region_count == 2
 
 
@@ -302,6 +302,7 @@ def test_closing() -> None:
         lambda scene: scene.light_visibility([0, 0, 0], [0, 0, 1], []),
         lambda scene: scene.open_edges(0),
         lambda scene: scene.leaves(),
+        lambda scene: scene.classify_by_rays(),
         lambda scene: scene.leaf_triangles(0, 1),
         lambda scene: scene.region_solids(1),
         lambda scene: scene.corners(0, 0),
@@ -329,6 +330,7 @@ def test_use_after_close_says_so(call: Ask, built: bool) -> None:
         lambda scene: scene.region([0, 0, 0]),
         lambda scene: scene.light_visibility([0, 0, 0], [0, 0, 1], []),
         lambda scene: scene.leaves(),
+        lambda scene: scene.classify_by_rays(),
         lambda scene: scene.region_solids(1),
         lambda scene: scene.corners(0, 0),
         lambda scene: scene.report,

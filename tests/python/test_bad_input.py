@@ -285,6 +285,9 @@ def test_types_of_rays(cube: pyvocc.Scene, dtype: Any) -> None:
         ("threads", [0, -3, 257]),
         ("order", ["", "fast", "QDBFS"]),
         ("isa", ["neon", "SSE2"]),
+        ("cache_policy", ["", "oldest"]),
+        ("entry_triangles", [-1, 65]),
+        ("voxels", [-1, 1025]),
     ],
 )
 def test_query_options_out_of_range(cube: pyvocc.Scene, name: str, values: list[Any]) -> None:
@@ -308,6 +311,13 @@ def test_types_of_query_options(cube: pyvocc.Scene) -> None:
         "isa": [1, None],
         "occluders": ["yes", 2, None],
         "packets": ["yes", 2, None],
+        "cache_policy": [0, None],
+        "fusion": ["yes", 2, None],
+        "triangle_cache": ["yes", 2, None],
+        "entry_points": ["yes", 2],
+        "entry_triangles": ["8", 8.0, None],
+        "voxels": ["8", 8.0, None],
+        "ordre": ["auto"],
         "progress": [3],
         "stats": [{}, 3],
         "out": [[True], "x", True],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,8 +16,7 @@ import numpy as np
 import pytest
 
 import pyvocc
-from pyvocc import cli, images, io
-from scenes import meshes
+from pyvocc import cli, images, io, shapes
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -46,9 +46,9 @@ edge_v = [0, 1, 0]
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The working folder, with closed.ply, open.ply, bad.ply, knot.ply and scene.toml."""
     monkeypatch.chdir(tmp_path)
-    io.save_ply("closed.ply", *meshes.cube())
-    io.save_ply("open.ply", *meshes.cube_missing_face())
-    io.save_ply("knot.ply", *meshes.torus_knot(segments=64, sides=12))
+    io.save_ply("closed.ply", *shapes.cube())
+    io.save_ply("open.ply", *shapes.cube_missing_face())
+    io.save_ply("knot.ply", *shapes.torus_knot(segments=64, sides=12))
     Path("bad.ply").write_text("hello")
     Path("scene.toml").write_text(SCENE)
     return tmp_path
@@ -129,7 +129,7 @@ def test_check_says_where_a_mesh_is_open(folder: Path, run: Run) -> None:
 
 
 def test_check_names_triangles_that_have_the_edges(folder: Path, run: Run) -> None:
-    vertices, triangles = meshes.cube_missing_face()
+    vertices, triangles = shapes.cube_missing_face()
     _, out, _ = run("check", "open.ply")
     for line in out.splitlines():
         if line.startswith("    triangle "):
@@ -160,7 +160,7 @@ def test_check_of_several_meshes_tells_the_worst(folder: Path, run: Run) -> None
 
 
 def test_check_of_a_mesh_with_a_nan(folder: Path, run: Run) -> None:
-    vertices, triangles = meshes.cube()
+    vertices, triangles = shapes.cube()
     vertices[5, 1] = np.nan
     io.save_ply("nan.ply", vertices, triangles)
     code, out, err = run("check", "nan.ply")
@@ -170,8 +170,8 @@ def test_check_of_a_mesh_with_a_nan(folder: Path, run: Run) -> None:
 
 
 def test_check_tells_components_winding_and_faults(folder: Path, run: Run) -> None:
-    vertices, triangles = meshes.combine(meshes.inverted_cube(), meshes.cube(1.0, (9, 0, 0)))
-    io.save_ply("inverted.ply", *meshes.inverted_cube())
+    vertices, triangles = shapes.combine(shapes.inverted_cube(), shapes.cube(1.0, (9, 0, 0)))
+    io.save_ply("inverted.ply", *shapes.inverted_cube())
     code, out, _ = run("check", "inverted.ply")
     assert code == 0
     assert "volume -8" in out
@@ -187,13 +187,33 @@ def test_check_tells_components_winding_and_faults(folder: Path, run: Run) -> No
 
 
 def test_check_of_inconsistent_winding_is_closed(folder: Path, run: Run) -> None:
-    vertices, triangles = meshes.icosphere(2)
+    vertices, triangles = shapes.icosphere(2)
     triangles[::7] = triangles[::7, ::-1]
     io.save_ply("shuffled.ply", vertices, triangles)
     code, out, _ = run("check", "shuffled.ply")
     assert code == 0
     assert " 0 inconsistently wound" not in out
     assert "inside out" not in out
+
+
+def test_check_compares_flood_fill_and_rays(folder: Path, run: Run) -> None:
+    code, out, err = run("check", "--rays", "knot.ply")
+    assert (code, err) == (0, "")
+    flood, rays, last = out.splitlines()[-3:]
+    assert re.fullmatch(r"  by flood fill: \d+ rays, \d+\.\d{3} s with the occluders .*", flood)
+    assert re.fullmatch(r"  by one ray each: \d+ rays, \d+\.\d{3} s", rays)
+    assert last == "  no leaf where they disagree"
+
+
+def test_check_lists_leaves_where_rays_are_wrong(folder: Path, run: Run) -> None:
+    vertices, triangles = shapes.torus_knot(segments=64, sides=12)
+    io.save_ply("holed.ply", vertices, triangles[:-1])
+    code, out, _ = run("check", "--rays", "--edges", "0", "holed.ply")
+    assert code == 1
+    assert re.search(r"^  they disagree on \d+ leaves, the first 10:$", out, re.MULTILINE)
+    listed = [line for line in out.splitlines() if line.startswith("    leaf ")]
+    assert len(listed) == 10
+    assert all(": clear, by its ray opaque; (" in line for line in listed)
 
 
 # ---- shadow --------------------------------------------------------------------------
@@ -263,8 +283,22 @@ def test_shadow_options_reach_the_library(
         "occluders": False,
         "cache": 2,
         "deferment": 5,
+        "cache_policy": "recent",
+        "fusion": True,
+        "triangle_cache": False,
+        "entry_points": None,
+        "entry_triangles": 8,
+        "voxels": 0,
+        "packets": True,
         "stats": None,
     }
+    more = ("--cache-policy", "direction", "--no-fusion", "--triangle-cache", "--single-rays")
+    searches = ("--entry-points", "no", "--entry-triangles", "3", "--voxels", "12")
+    assert run("shadow", "scene.toml", "-o", "b.png", *arguments, *more, *searches)[0] == 0
+    assert seen["cache_policy"] == "direction"
+    assert not (seen["fusion"] or seen["packets"] or seen["entry_points"])
+    assert (seen["triangle_cache"], seen["entry_triangles"], seen["voxels"]) == (True, 3, 12)
+    assert run("diff", "a.png", "b.png")[0] == 0
 
 
 def test_shadow_to_png_alone(folder: Path, run: Run, exr: None) -> None:
@@ -310,18 +344,6 @@ def test_shadow_checks_its_arguments_before_any_work(
     assert (code, out) == (2, "")
     assert reason in err
     assert not (folder / "a.exr").exists()
-
-
-def test_an_order_that_the_library_lacks_is_told_before_any_work(
-    folder: Path, run: Run, exr: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object, **options: object) -> None:
-        raise pyvocc.UnsupportedError(f"no order {options['order']}")
-
-    monkeypatch.setattr(cli.Scene, "occluded", refuse)
-    monkeypatch.setattr(cli.scene_files, "load_scene", lambda *_: pytest.fail("the scene was read"))
-    code, _, err = run("shadow", "scene.toml", "-o", "a.png", "--order", "bfs")
-    assert (code, err) == (2, "pyvocc: no order bfs\n")
 
 
 def test_shadow_tells_a_fault_in_the_scene_file(folder: Path, run: Run, exr: None) -> None:

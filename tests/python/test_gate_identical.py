@@ -7,10 +7,8 @@ options and every kind of adversarial ray on smaller shapes.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,9 +17,7 @@ from conftest import SHARED
 from numpy.typing import NDArray
 
 import pyvocc
-
-sys.path.append(str(Path(__file__).resolve().parents[2]))
-from scenes.meshes import GENERATORS
+from pyvocc.shapes import GENERATORS
 
 Floats = NDArray[np.float32]
 Rays = tuple[Floats, Floats, Floats, Floats]
@@ -33,7 +29,16 @@ BASELINE: dict[str, Any] = {
     "isa": "scalar",
     "threads": 1,
 }
-ORDERS = ("auto", "standard", "extended", "bfs", "qdbfs")
+ORDERS = ("auto", "standard", "extended", "bfs", "qdbfs", "opaque_first", "sato", "rtsah")
+EXTRAS: tuple[dict[str, Any], ...] = (
+    {},
+    {"cache_policy": "direction"},
+    {"fusion": False},
+    {"triangle_cache": True},
+    {"entry_points": True},
+    {"voxels": 9, "entry_points": False},
+    {"entry_points": True, "entry_triangles": 64, "triangle_cache": True},
+)
 FILES = ("bunny.ply", "cowboy.ply", "cowboy_shells.ply", "blobby_shuffled.off", "bunny_open.obj")
 
 
@@ -49,6 +54,7 @@ def modes() -> list[dict[str, Any]]:
             "cache": turns[number % len(turns)][0],
             "deferment": turns[number * 7 % len(turns)][1],
             "threads": 1 + number % 3,
+            **EXTRAS[number % len(EXTRAS)],
         }
         for number, (order, occluders, packets, isa) in enumerate(
             product(ORDERS, (True, False), (True, False), ("auto", "scalar"))

@@ -13,11 +13,9 @@ Here rays pass a vertex within a rounding error, on whichever side: what real ra
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,9 +23,7 @@ from conftest import SHARED
 from numpy.typing import NDArray
 
 import pyvocc
-
-sys.path.append(str(Path(__file__).resolve().parents[2]))
-from scenes.meshes import GENERATORS, topology
+from pyvocc.shapes import GENERATORS, topology
 
 Floats = NDArray[np.float32]
 Regions = NDArray[np.int32]

@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 import pyvocc
-from pyvocc import images, io, scene_files
+from pyvocc import images, io, scene_files, shapes
 from pyvocc.io import FileError, load_mesh, load_scene, save_ply
-from scenes import meshes
 
 # A quadrilateral, a triangle and a pentagon, not in the order of their sizes.
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 2, 0), (2, 2, 0)]
@@ -115,7 +114,7 @@ def test_other_elements_and_properties_of_ply_are_skipped(write: Write) -> None:
 
 def test_equal_polygons_and_mixed_ones_are_read_alike(write: Write) -> None:
     # All faces of one size are read at once; one other face takes the way row by row.
-    vertices, triangles = meshes.icosphere(1)
+    vertices, triangles = shapes.icosphere(1)
     path = write("ball.ply", b"")
     save_ply(path, vertices, triangles)
     whole = path.read_bytes()
@@ -128,7 +127,7 @@ def test_equal_polygons_and_mixed_ones_are_read_alike(write: Write) -> None:
 
 
 def test_save_ply_and_load_mesh_are_inverse(tmp_path: Path) -> None:
-    vertices, triangles = meshes.torus_knot()
+    vertices, triangles = shapes.torus_knot()
     save_ply(tmp_path / "knot.ply", vertices, triangles)
     again = load_mesh(tmp_path / "knot.ply")
     assert np.array_equal(again[0], vertices)
@@ -140,7 +139,7 @@ def test_save_ply_and_load_mesh_are_inverse(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["text", "binary", "binary that says solid"])
 def test_stl_keeps_every_corner(write: Write, kind: str) -> None:
-    vertices, triangles = meshes.cube()
+    vertices, triangles = shapes.cube()
     corners = vertices[triangles]
     if kind == "text":
         facets = "".join(
@@ -156,13 +155,13 @@ def test_stl_keeps_every_corner(write: Write, kind: str) -> None:
         content += b"".join(struct.pack("<12fH", 0, 0, 0, *f.reshape(-1), 0) for f in corners)
     points, faces = load_mesh(write("cube.stl", content))
     assert np.array_equal(points[faces], corners)
-    assert meshes.topology(points, faces).closed
+    assert shapes.topology(points, faces).closed
 
 
 def test_glb_nodes_come_to_their_places(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
     scene = trimesh.Scene()
-    cube = trimesh.Trimesh(*meshes.cube(), process=False)
+    cube = trimesh.Trimesh(*shapes.cube(), process=False)
     scene.add_geometry(cube, geom_name="a")
     scene.add_geometry(
         cube, geom_name="b", transform=trimesh.transformations.translation_matrix((5, 0, 0))
@@ -171,7 +170,7 @@ def test_glb_nodes_come_to_their_places(tmp_path: Path) -> None:
     vertices, triangles = load_mesh(tmp_path / "two.glb")
     assert vertices.min(axis=0).tolist() == [-1, -1, -1]
     assert vertices.max(axis=0).tolist() == [6, 1, 1]
-    found = meshes.topology(vertices, triangles)
+    found = shapes.topology(vertices, triangles)
     assert (found.closed, found.components, found.volume) == (True, 2, pytest.approx(16))
 
 
@@ -284,9 +283,9 @@ def test_a_missing_file_a_folder_and_a_locked_file(write: Write, tmp_path: Path)
     with pytest.raises(FileError, match=r"folder\.ply: is a directory"):
         load_mesh(folder)
     with pytest.raises(FileError, match="there is no folder"):
-        save_ply(tmp_path / "no" / "mesh.ply", *meshes.cube())
+        save_ply(tmp_path / "no" / "mesh.ply", *shapes.cube())
     with pytest.raises(FileError, match="is a directory"):
-        save_ply(folder, *meshes.cube())
+        save_ply(folder, *shapes.cube())
 
 
 def test_file_error_is_what_handlers_expect() -> None:
@@ -314,7 +313,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(FileError, match=r"mesh\.ply: no space left on device"):
-        save_ply(path, *meshes.cube())
+        save_ply(path, *shapes.cube())
     assert [p.name for p in tmp_path.iterdir()] == ["mesh.ply"]
     assert path.read_text() == "old"
 
@@ -373,7 +372,7 @@ edge_v = [0, 0, 1]
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Callable[..., Path]:
     """Writes a cube and a scene file with lines added to its tables."""
-    save_ply(tmp_path / "cube.ply", *meshes.cube())
+    save_ply(tmp_path / "cube.ply", *shapes.cube())
 
     def make(text: str = SCENE, **lines: str) -> Path:
         keys = dict.fromkeys(("mesh", "ground", "camera", "light", "end"), "")
@@ -395,13 +394,13 @@ def test_a_scene_file_is_read(scene_file: SceneMaker) -> None:
     assert file.lights == (pyvocc.RectLight((1, 4, 1), (1, 0, 0), (0, 0, 1)),)
     assert file.light_names == ("key",)
     ground = file.meshes[1]
-    assert meshes.topology(ground.vertices, ground.triangles).boundary_edges == 4
+    assert shapes.topology(ground.vertices, ground.triangles).boundary_edges == 4
     a, b, c = ground.vertices[ground.triangles[0]]
     assert np.cross(b - a, c - a)[1] > 0  # faces up
 
 
 def test_the_format_that_users_are_shown_is_accepted(tmp_path: Path) -> None:
-    save_ply(tmp_path / "teapot.ply", *meshes.cube())
+    save_ply(tmp_path / "teapot.ply", *shapes.cube())
     (tmp_path / "scene.toml").write_text(scene_files.FORMAT)
     file = load_scene(tmp_path / "scene.toml")
     assert [mesh.name for mesh in file.meshes] == ["teapot", "ground"]
@@ -440,7 +439,7 @@ def test_scale_rotate_translate_in_this_order(scene_file: SceneMaker) -> None:
     # The long axis x is turned to -z; a right angle is exact.
     assert mesh.vertices.min(axis=0).tolist() == [9, -1, -2]
     assert mesh.vertices.max(axis=0).tolist() == [11, 1, 2]
-    assert meshes.topology(mesh.vertices, mesh.triangles).volume == pytest.approx(16)
+    assert shapes.topology(mesh.vertices, mesh.triangles).volume == pytest.approx(16)
 
 
 def test_rotations_turn_the_right_way(scene_file: SceneMaker) -> None:
@@ -463,16 +462,16 @@ def test_rotations_turn_the_right_way(scene_file: SceneMaker) -> None:
 
 def test_a_mirrored_mesh_is_not_inside_out(scene_file: SceneMaker) -> None:
     (mesh, _) = load_scene(scene_file(mesh="scale = [-1, 1, 1]")).meshes
-    assert meshes.topology(mesh.vertices, mesh.triangles).volume == pytest.approx(8)
+    assert shapes.topology(mesh.vertices, mesh.triangles).volume == pytest.approx(8)
 
 
 def test_doubled_vertices_stay_together_when_turned(scene_file: SceneMaker) -> None:
-    vertices, triangles = meshes.icosphere(3)
+    vertices, triangles = shapes.icosphere(3)
     path = scene_file(mesh="scale = 1.7\nrotate = [12.3, 45.6, 78.9]\ntranslate = [3, 1, 4]")
     loose = vertices[triangles.reshape(-1)]
     save_ply(path.parent / "cube.ply", loose, np.arange(len(loose)).reshape(-1, 3))
     (mesh, _) = load_scene(path).meshes
-    assert meshes.topology(mesh.vertices, mesh.triangles).closed
+    assert shapes.topology(mesh.vertices, mesh.triangles).closed
 
 
 BAD_SCENES: list[tuple[dict[str, str], str]] = [

@@ -134,7 +134,7 @@ def imported(file: Path) -> set[str]:
 def test_only_ffi_knows_the_extension_module(root: Path) -> None:
     users = {
         file.name
-        for file in (root / "pyvocc").glob("*.py")
+        for file in (root / "pyvocc").rglob("*.py")
         if any("_vocc" in name or name.endswith((".ffi", ".lib")) for name in imported(file))
     }
     assert users == {"_ffi.py"}
@@ -143,7 +143,7 @@ def test_only_ffi_knows_the_extension_module(root: Path) -> None:
 def test_only_errors_makes_exceptions_of_codes(root: Path) -> None:
     users = {
         file.name
-        for file in (root / "pyvocc").glob("*.py")
+        for file in (root / "pyvocc").rglob("*.py")
         if "VOCC_ERROR" in (text := file.read_text(encoding="utf-8")) or "from_status" in text
     }
     assert users == {"errors.py", "_ffi.py"}
@@ -161,6 +161,15 @@ def test_importing_needs_only_numpy_and_cffi() -> None:
     third_party = {name for name in loaded if not name.startswith(("_", "pyvocc"))}
     assert third_party <= NEEDED
     assert "numpy" in third_party
+
+
+def test_only_the_command_knows_what_reproduces(root: Path) -> None:
+    users = {
+        str(file.relative_to(root / "pyvocc"))
+        for file in (root / "pyvocc").rglob("*.py")
+        if any(name.startswith("reproduce") for name in imported(file))
+    }
+    assert users == {"cli.py"}
 
 
 def test_a_missing_extra_is_named() -> None:

@@ -37,6 +37,10 @@ def run(*command: str | Path, cwd: Path) -> str:
     return result.stdout
 
 
+def sources(root: Path, pattern: str) -> list[Path]:
+    return [path for path in root.glob(pattern) if "__pycache__" not in path.parts]
+
+
 @pytest.fixture(scope="module")
 def sdist(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sdist, unpacked; made from a copy without anything that was built before."""
@@ -63,9 +67,9 @@ def wheel(sdist: Path) -> Path:
 
 
 def test_the_sdist_holds_every_source(sdist: Path, root: Path) -> None:
-    for pattern in ("csrc/*.c", "csrc/*.h", "csrc/*.inc", "csrc/*.py", "pyvocc/*.py*"):
-        expected = {path.name for path in root.glob(pattern)}
-        assert {path.name for path in sdist.glob(pattern)} == expected, pattern
+    for pattern in ("csrc/*.c", "csrc/*.h", "csrc/*.inc", "csrc/*.py", "pyvocc/**/*.py*"):
+        expected = {path.relative_to(root) for path in sources(root, pattern)}
+        assert {path.relative_to(sdist) for path in sdist.glob(pattern)} == expected, pattern
     assert (sdist / "pyvocc" / "py.typed").exists()
     assert (sdist / "LICENSE").exists()
 
@@ -77,10 +81,10 @@ def test_one_wheel_serves_every_python(wheel: Path) -> None:
 def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path, root: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     package = {name for name in names if name.startswith("pyvocc/")}
-    sources = {f"pyvocc/{path.name}" for path in (root / "pyvocc").glob("*.py*") if path.is_file()}
-    (extension,) = package - sources - {"pyvocc/py.typed"}
+    python = {path.relative_to(root).as_posix() for path in sources(root, "pyvocc/**/*.py*")}
+    (extension,) = package - python - {"pyvocc/py.typed"}
     assert extension.startswith("pyvocc/_vocc.abi3.") or extension == "pyvocc/_vocc.pyd"
-    assert sources | {"pyvocc/py.typed"} <= package
+    assert python | {"pyvocc/py.typed"} <= package
     assert all(".dist-info/" in name for name in names - package)
 
 

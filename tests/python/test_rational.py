@@ -20,7 +20,7 @@ import pyvocc
 
 sys.path.append(str(Path(__file__).resolve().parents[2]))
 from bench.rational import Oracle, to_float32
-from scenes.meshes import GENERATORS
+from pyvocc.shapes import GENERATORS
 
 Rays = NDArray[np.float32]  # (rays, 8): org, dir, tmin, tmax
 

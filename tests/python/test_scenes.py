@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import pyvocc
-from scenes import meshes
-from scenes.meshes import GENERATORS, Mesh, topology
+from pyvocc import shapes
+from pyvocc.shapes import GENERATORS, Mesh, topology
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def test_another_seed_gives_another_mesh(made: dict[str, Mesh], name: str) -> No
 
 
 def test_icosphere_of_level_7_has_the_triangles_of_the_crack_test() -> None:
-    vertices, triangles = meshes.icosphere(7)
+    vertices, triangles = shapes.icosphere(7)
     assert len(triangles) == 327_680
     assert len(vertices) == 163_842
     assert np.allclose(np.linalg.norm(vertices.astype(np.float64), axis=1), 1, atol=1e-6)
@@ -154,8 +154,8 @@ def test_icosphere_of_level_7_has_the_triangles_of_the_crack_test() -> None:
 
 @pytest.mark.parametrize("windings", [(1, 1, 1), (-1, -1, -1), (1, -1, 1)])
 def test_nested_shells_of_any_winding_are_closed(windings: tuple[int, ...]) -> None:
-    found = topology(*meshes.nested_shells(2, (1.0, 0.7, 0.4), windings))
-    sphere = topology(*meshes.icosphere(2)).volume
+    found = topology(*shapes.nested_shells(2, (1.0, 0.7, 0.4), windings))
+    sphere = topology(*shapes.icosphere(2)).volume
     assert found.closed
     assert found.inconsistent_edges == 0
     expected = sum(w * r**3 for w, r in zip(windings, (1.0, 0.7, 0.4), strict=True)) * sphere
@@ -163,30 +163,30 @@ def test_nested_shells_of_any_winding_are_closed(windings: tuple[int, ...]) -> N
 
 
 def test_touching_solids_may_cross_their_diagonals() -> None:
-    found = topology(*meshes.touching_solids(same_diagonal=False))
+    found = topology(*shapes.touching_solids(same_diagonal=False))
     assert found.closed
     assert found.nonmanifold_edges == 4
 
 
 def test_thin_plates_are_as_thin_as_asked() -> None:
-    vertices, _ = meshes.thin_plates(1, 1e-3)
+    vertices, _ = shapes.thin_plates(1, 1e-3)
     assert np.ptp(vertices[:, 1]) == pytest.approx(1e-3, rel=1e-3)
 
 
 def test_an_unknown_generator_is_refused_with_the_names_there_are() -> None:
     with pytest.raises(ValueError, match="no generator 'sphere'; there are cube, "):
-        meshes.generate("sphere")
+        shapes.generate("sphere")
 
 
 def test_a_solid_that_leaves_its_grid_is_refused() -> None:
     with pytest.raises(ValueError, match="touches the border"):
-        meshes.isosurface(-np.ones((4, 4, 4)), (0, 0, 0), (1, 1, 1))
+        shapes.isosurface(-np.ones((4, 4, 4)), (0, 0, 0), (1, 1, 1))
 
 
 def test_isosurface_of_a_ball() -> None:
     axis = np.linspace(-1.3, 1.3, 24)
     x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
-    vertices, triangles = meshes.isosurface(
+    vertices, triangles = shapes.isosurface(
         np.sqrt(x**2 + y**2 + z**2) - 1, (-1.3,) * 3, (1.3,) * 3
     )
     found = topology(vertices, triangles)
@@ -199,14 +199,14 @@ def test_isosurface_of_a_ball() -> None:
 
 
 def test_topology_sees_a_missing_triangle() -> None:
-    vertices, triangles = meshes.cube()
+    vertices, triangles = shapes.cube()
     found = topology(vertices, triangles[1:])
     assert not found.closed
     assert found.boundary_edges == 3
 
 
 def test_topology_sees_a_turned_triangle() -> None:
-    vertices, triangles = meshes.cube()
+    vertices, triangles = shapes.cube()
     triangles = triangles.copy()
     triangles[4] = triangles[4, ::-1]
     found = topology(vertices, triangles)
@@ -215,26 +215,26 @@ def test_topology_sees_a_turned_triangle() -> None:
 
 
 def test_topology_welds_by_position() -> None:
-    vertices, triangles = meshes.icosphere(1)
+    vertices, triangles = shapes.icosphere(1)
     found = topology(vertices[triangles.reshape(-1)], np.arange(triangles.size).reshape(-1, 3))
     assert found == topology(vertices, triangles)
 
 
 def test_topology_tells_components_apart() -> None:
-    pair = meshes.combine(meshes.cube(), meshes.cube(1.0, (5, 0, 0)))
+    pair = shapes.combine(shapes.cube(), shapes.cube(1.0, (5, 0, 0)))
     assert topology(*pair).components == 2
 
 
 def test_subdivided_keeps_the_surface() -> None:
-    knot = meshes.torus_knot(segments=24, sides=6)
-    once, twice = topology(*meshes.subdivided(knot, 1)), topology(*meshes.subdivided(knot, 2))
+    knot = shapes.torus_knot(segments=24, sides=6)
+    once, twice = topology(*shapes.subdivided(knot, 1)), topology(*shapes.subdivided(knot, 2))
     assert (once.triangles, twice.triangles) == (4 * len(knot[1]), 16 * len(knot[1]))
     assert once.closed
     assert twice.euler == 0
     assert twice.volume == pytest.approx(topology(*knot).volume, rel=1e-5)
     # Doubled vertices: cut alike on both sides of every edge.
     loose = (knot[0][knot[1].reshape(-1)], np.arange(knot[1].size).reshape(-1, 3))
-    assert topology(*meshes.subdivided(loose, 2)) == twice
+    assert topology(*shapes.subdivided(loose, 2)) == twice
 
 
 @pytest.mark.parametrize("name", [name for name in GENERATORS if name.startswith("fine_")])
@@ -247,8 +247,8 @@ def test_fine_solids_have_occluders(made: dict[str, Mesh], name: str) -> None:
 
 
 def test_inverted_and_transformed() -> None:
-    cube = meshes.cube()
-    assert topology(*meshes.inverted(cube)).volume == pytest.approx(-8)
-    moved, _ = meshes.transformed(cube, 2.0, 90.0, (1.0, 0.0, 0.0))
+    cube = shapes.cube()
+    assert topology(*shapes.inverted(cube)).volume == pytest.approx(-8)
+    moved, _ = shapes.transformed(cube, 2.0, 90.0, (1.0, 0.0, 0.0))
     assert moved.min(axis=0) == pytest.approx((-1, -2, -2), abs=1e-6)
     assert moved.max(axis=0) == pytest.approx((3, 2, 2), abs=1e-6)

@@ -1,4 +1,5 @@
-"""Seeded generators of the meshes that the demo draws and the tests trace.
+"""Seeded generators of meshes: those that the demo draws, the tests trace, and ``pyvocc
+reproduce`` takes where it is given none.
 
 Every generator returns ``(vertices, triangles)``: float32 ``(V, 3)`` and int32
 ``(T, 3)``, y up.  Unless its docstring says otherwise the mesh is closed (every edge

@@ -15,7 +15,7 @@ from .inputs import Input
 from .programs import Line, Program
 from .workload import load_counts
 
-OURS = ("baseline", "standard", "qdbfs", "auto")
+OURS = ("baseline", "standard", "qdbfs", "opaque_first", "auto")
 EMBREE = ("robust-1", "robust-4:isa=sse4.2", "fast-1", "fast-s16", "fast-x16", "fast-stream")
 EMBREE_BEST = ("fast-s16", "fast-x16", "fast-stream")  # whichever is fastest
 EMBREE_ARRAYS = ("robust-1", "robust-4:isa=sse4.2", "fast-s16", "fast-stream")

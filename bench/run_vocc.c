@@ -132,11 +132,12 @@ static void vb_describe(void *user, FILE *json)
     double triangles = (double)r.triangle_count;
     fprintf(json,
             "\"wall_s\": %.6f, \"cpu_s\": %.6f, \"components_s\": %.6f, "
-            "\"tree_s\": %.6f, \"classify_s\": %.6f, \"threads\": %d, "
+            "\"tree_s\": %.6f, \"classify_s\": %.6f, \"occluders_s\": %.6f, "
+            "\"threads\": %d, "
             "\"bytes\": %" PRIu64 ", \"bytes_per_triangle\": %.2f, ",
             self->wall, self->cpu, r.seconds_components, r.seconds_build,
-            r.seconds_classify, (int)r.threads, r.tree_bytes,
-            (double)r.tree_bytes / triangles);
+            r.seconds_classify, r.seconds_occluders, (int)r.threads,
+            r.tree_bytes, (double)r.tree_bytes / triangles);
     fprintf(json,
             "\"nodes\": %" PRIu64 ", \"boundary\": %" PRIu64
             ", \"opaque\": %" PRIu64 ", \"clear\": %" PRIu64

@@ -106,27 +106,56 @@ static unsigned combine(const chance *a, const chance *b, double pa, double pb,
     return b_first;
 }
 
-static estimate visit(vocc_tree *tree, uint32_t index, float lower[3],
+/* Subtrees at this depth are jobs. */
+enum { SUBTREE_DEPTH = 6, MOST_SUBTREES = 1 << SUBTREE_DEPTH };
+
+typedef struct subtree {
+    uint32_t node;
+    float lower[3], upper[3];
+    estimate result;
+} subtree;
+
+typedef struct ordering {
+    vocc_tree *tree;
+    size_t count;
+    subtree list[MOST_SUBTREES];
+    enum { LIST, USE, NONE } subtrees; /* what to do where they begin */
+    size_t next;
+} ordering;
+
+static estimate visit(ordering *o, uint32_t index, int depth, float lower[3],
                       float upper[3])
 {
-    vocc_node *n = &tree->nodes[index];
+    vocc_node *n = &o->tree->nodes[index];
     const unsigned axis = vocc_axis(*n);
     estimate e, below, above;
     unsigned first[VOCC_FIRST_COUNT];
     double pa = 1.0, pb = 1.0;
     float saved;
     int k;
+    memset(&e, 0, sizeof e);
     if (vocc_is_leaf(*n))
-        return estimate_leaf(tree, *n, lower, upper);
+        return estimate_leaf(o->tree, *n, lower, upper);
+    if (depth == SUBTREE_DEPTH && o->subtrees == USE)
+        return o->list[o->next++].result;
+    if (depth == SUBTREE_DEPTH && o->subtrees == LIST) {
+        subtree *t = &o->list[o->count++];
+        t->node = index;
+        memcpy(t->lower, lower, sizeof t->lower);
+        memcpy(t->upper, upper, sizeof t->upper);
+        return e;
+    }
     e.area = area_of(lower, upper);
     saved = upper[axis];
     upper[axis] = n->at.split_pos;
-    below = visit(tree, vocc_children(*n), lower, upper);
+    below = visit(o, vocc_children(*n), depth + 1, lower, upper);
     upper[axis] = saved;
     saved = lower[axis];
     lower[axis] = n->at.split_pos;
-    above = visit(tree, vocc_children(*n) + 1, lower, upper);
+    above = visit(o, vocc_children(*n) + 1, depth + 1, lower, upper);
     lower[axis] = saved;
+    if (o->subtrees == LIST)
+        return e;
     if (e.area > 0.0) {
         pa = below.area / e.area;
         pb = above.area / e.area;
@@ -141,11 +170,46 @@ static estimate visit(vocc_tree *tree, uint32_t index, float lower[3],
     return e;
 }
 
-void vocc_order_children(vocc_tree *tree)
+static void visit_top(ordering *o)
 {
     float lower[3], upper[3];
-    memcpy(lower, tree->lower, sizeof lower);
-    memcpy(upper, tree->upper, sizeof upper);
-    if (tree->triangle_count)
-        (void)visit(tree, 0, lower, upper);
+    memcpy(lower, o->tree->lower, sizeof lower);
+    memcpy(upper, o->tree->upper, sizeof upper);
+    o->next = 0;
+    (void)visit(o, 0, 0, lower, upper);
+}
+
+static vocc_status visit_subtree(void *context, size_t job, int worker,
+                                 vocc_jobs *jobs)
+{
+    ordering *all = context;
+    subtree *t = &all->list[job];
+    ordering o;
+    (void)worker;
+    (void)jobs;
+    o.tree = all->tree;
+    o.subtrees = NONE;
+    t->result = visit(&o, t->node, 0, t->lower, t->upper);
+    return VOCC_OK;
+}
+
+vocc_status vocc_order_children(const vocc_allocator *allocator,
+                                vocc_tree *tree, int threads,
+                                vocc_ticker *ticker)
+{
+    ordering o;
+    vocc_status status;
+    if (!tree->triangle_count)
+        return VOCC_OK;
+    o.tree = tree;
+    o.count = 0;
+    o.subtrees = LIST;
+    visit_top(&o);
+    status =
+        vocc_jobs_run(allocator, threads, o.count, visit_subtree, &o, ticker);
+    if (status == VOCC_OK) {
+        o.subtrees = USE;
+        visit_top(&o);
+    }
+    return status;
 }

@@ -4,8 +4,12 @@
 
 #include "kdtree.h"
 #include "platform.h"
+#include "threads.h"
 
-/* Sets the bits of each vocc_first in the nodes without tags. */
-VOCC_INTERNAL void vocc_order_children(vocc_tree *tree);
+/* Sets the bits of each vocc_first in the nodes without tags; they do not
+ * depend on `threads`. */
+VOCC_INTERNAL vocc_status vocc_order_children(const vocc_allocator *allocator,
+                                              vocc_tree *tree, int threads,
+                                              vocc_ticker *ticker);
 
 #endif

@@ -258,18 +258,6 @@ static double area_of(const empty *e)
     return 2.0 * (x * y + y * z + z * x);
 }
 
-/* A float32 point strictly inside; 0 if there is none. */
-static int centre_of(const empty *e, float centre[3])
-{
-    int k;
-    for (k = 0; k < 3; k++) {
-        centre[k] = (float)(0.5 * ((double)e->lower[k] + (double)e->upper[k]));
-        if (!(centre[k] > e->lower[k] && centre[k] < e->upper[k]))
-            return 0;
-    }
-    return 1;
-}
-
 /* Numbers the groups in place of the union-find's parents. */
 static group *make_groups(const vocc_allocator *allocator, flood *f,
                           size_t *count)
@@ -315,7 +303,8 @@ static vocc_status seed_leaf(const vocc_allocator *allocator, const flood *f,
 {
     float centre[3];
     *region = -1;
-    if (!centre_of(&f->empties[leaf], centre))
+    if (!vocc_leaf_centre(f->empties[leaf].lower, f->empties[leaf].upper,
+                          centre))
         return VOCC_OK;
     switch (vocc_seed_shoot(allocator, f->tree, solids, centre, stream, seed)) {
     case VOCC_SEED_OK:

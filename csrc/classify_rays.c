@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-/* The slides' own rule ("Classifying kd-nodes"), one closest hit an empty leaf:
- * what classify.c does with a flood fill and a few hundred seed rays. */
+/* The slides' own rule ("Classifying kd-nodes"), one closest hit an empty leaf;
+ * classify.c has a flood fill and seed rays for some of the leaves. */
 
 /* Leaves a job: some milliseconds. */
 enum { JOB_LEAVES = 16 * VOCC_BLOCK };
@@ -87,17 +87,13 @@ static int list_leaf(void *context, uint32_t node, const float lower[3],
         vocc_label_of(q->query.scene->built.tree.nodes[node]);
     const uint64_t leaf = q->result.leaf_count++;
     test_ray *ray = &q->rays[q->count];
-    int k;
     if (leaf < q->capacity)
         q->labels[leaf] = flood == VOCC_BOUNDARY ? VOCC_BOUNDARY : VOCC_UNKNOWN;
     if (flood == VOCC_BOUNDARY)
         return 0;
-    for (k = 0; k < 3; k++) {
-        ray->org[k] = (float)(0.5 * ((double)lower[k] + (double)upper[k]));
-        if (!(ray->org[k] > lower[k] && ray->org[k] < upper[k])) {
-            q->result.unknown_leaves++;
-            return 0;
-        }
+    if (!vocc_leaf_centre(lower, upper, ray->org)) {
+        q->result.unknown_leaves++;
+        return 0;
     }
     ray->leaf = (uint32_t)leaf;
     ray->flood = (uint8_t)flood;

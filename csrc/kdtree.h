@@ -128,6 +128,19 @@ VOCC_INLINE int32_t vocc_leaf_region(const vocc_tree *tree, vocc_node leaf)
                : 0;
 }
 
+/* A float32 point strictly inside a leaf; 0 if there is none. */
+VOCC_INLINE int vocc_leaf_centre(const float lower[3], const float upper[3],
+                                 float centre[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        centre[k] = (float)(0.5 * ((double)lower[k] + (double)upper[k]));
+        if (!(centre[k] > lower[k] && centre[k] < upper[k]))
+            return 0;
+    }
+    return 1;
+}
+
 VOCC_INTERNAL void vocc_tree_free(const vocc_allocator *allocator,
                                   vocc_tree *tree);
 

@@ -471,14 +471,20 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
                            &classification);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
-    vocc_order_children(&built->tree);
+    now = vocc_seconds();
+    built->report.seconds_classify = now - start;
+    start = now;
+    vocc_ticker_stage(ticker, 0.95, 0.96);
+    status = vocc_order_children(a, &built->tree, options->threads, ticker);
+    if (status != VOCC_OK)
+        return vocc_fail_plain(error, status);
     if (!vocc_make_planes(a, &built->tree))
         return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
-    vocc_ticker_stage(ticker, 0.95, 1.0);
+    vocc_ticker_stage(ticker, 0.96, 1.0);
     status = vocc_grow_occluders(a, &built->tree, options->threads, ticker);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
-    built->report.seconds_classify = vocc_seconds() - start;
+    built->report.seconds_occluders = vocc_seconds() - start;
     built->report.threads = options->threads;
     fill_report(scene, built, &classification);
     if (vocc_tick(ticker, 1.0))

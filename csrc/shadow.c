@@ -129,7 +129,7 @@ static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
 
 /* A group that a shaft cannot settle is quartered until it is as small as
  * this: a walk costs about as much as the rays of some points. */
-enum { SMALLEST_GROUP = 4 };
+enum { SMALLEST_GROUP = 4, MOST_SKIPPED = 64 };
 
 static vocc_shaft_result walk_group(lighting *g, const uint16_t *which,
                                     size_t count)
@@ -198,23 +198,37 @@ static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
     return status;
 }
 
-/* Groups of neighbours, as large as the last ones could be. */
+/* Groups of neighbours: as large as the last ones could be; and where searches
+ * settle nothing, fewer and fewer of them. */
 static vocc_status light_neighbours(lighting *g, const uint16_t *which,
                                     size_t count)
 {
-    const uint64_t *const searches =
-        &g->worker->tracer->counters.entry_searches;
-    size_t size = VOCC_SHAFT_POINTS, i = 0;
+    const vocc_counters *const c = &g->worker->tracer->counters;
+    size_t size = VOCC_SHAFT_POINTS, i = 0, skip = 0, part;
     vocc_status status = VOCC_OK;
-    while (i < count && status == VOCC_OK) {
-        const size_t part = count - i < size ? count - i : size;
-        const uint64_t before = *searches;
+    for (; i < count && status == VOCC_OK; i += part) {
+        const uint64_t searches = c->entry_searches,
+                       settled = c->entry_lit_rays + c->entry_dark_rays +
+                                 c->entry_few_rays;
+        part = count - i < size ? count - i : size;
         status = light_group(g, which + i, part);
-        i += part;
-        if (*searches - before > 1)
-            size = size / 2 > SMALLEST_GROUP ? size / 2 : SMALLEST_GROUP;
-        else
+        if (c->entry_searches - searches == 1 && part == size)
             size = 2 * size < VOCC_SHAFT_POINTS ? 2 * size : VOCC_SHAFT_POINTS;
+        else if (c->entry_searches - searches > 1)
+            size = size / 2 > SMALLEST_GROUP ? size / 2 : SMALLEST_GROUP;
+        if (c->entry_lit_rays + c->entry_dark_rays + c->entry_few_rays !=
+            settled) {
+            skip = 0;
+            continue;
+        }
+        size = SMALLEST_GROUP;
+        i += part;
+        skip = 2 * skip + SMALLEST_GROUP < MOST_SKIPPED
+                   ? 2 * skip + SMALLEST_GROUP
+                   : MOST_SKIPPED;
+        part = count - i < skip ? count - i : skip;
+        if (status == VOCC_OK)
+            status = trace_group(g, which + i, part);
     }
     return status;
 }

@@ -233,8 +233,9 @@ typedef struct vocc_report {
     double mesh_area;    /* surface of the meshes that hold occluders */
     uint64_t tree_bytes; /* nodes, references, triangles, bounds table */
     double seconds_components, seconds_build, seconds_classify;
-    int32_t auto_order; /* the vocc_order that AUTO stands for */
-    int32_t threads;    /* used by the build */
+    double seconds_occluders; /* child order, planes, grown boxes */
+    int32_t auto_order;       /* the vocc_order that AUTO stands for */
+    int32_t threads;          /* used by the build */
 } vocc_report;
 
 VOCC_API vocc_status vocc_scene_report(const vocc_scene *scene,

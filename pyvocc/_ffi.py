@@ -300,7 +300,10 @@ def report(scene: Handle) -> Report:
             auto_order=next(name for name, order in ORDERS.items() if order == c.auto_order),
         ),
         seconds=BuildSeconds(
-            components=c.seconds_components, build=c.seconds_build, classify=c.seconds_classify
+            components=c.seconds_components,
+            build=c.seconds_build,
+            classify=c.seconds_classify,
+            occluders=c.seconds_occluders,
         ),
         triangle_count=c.triangle_count,
         vertex_count=c.vertex_count,

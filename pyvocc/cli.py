@@ -363,10 +363,7 @@ def _ray_lines(scene: Scene, progress: Progress) -> Iterator[str]:
     by_rays, tree = scene.classify_by_rays(progress=progress), scene.report.tree
     empty = tree.opaque_leaves + tree.clear_leaves + tree.unknown_leaves
     yield f"{_count(empty, 'empty leaf', 'empty leaves')}, {tree.opaque_leaves} of them opaque"
-    yield (
-        f"by flood fill: {_count(tree.seed_rays, 'ray')}, "
-        f"{scene.report.seconds.classify:.3f} s with the occluders made of them"
-    )
+    yield (f"by flood fill: {_count(tree.seed_rays, 'ray')}, {scene.report.seconds.classify:.3f} s")
     yield f"by one ray each: {_count(by_rays.rays, 'ray')}, {by_rays.seconds:.3f} s"
     wrong = by_rays.disagreements
     if not len(wrong):

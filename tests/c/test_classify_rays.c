@@ -275,8 +275,13 @@ static void open_mesh(void)
     world_make(&w, &s, NULL);
     classify(&w, directions[0], NULL, &c);
     check_figures(&c);
-    for (size_t i = 0; i < c.count; i++)
+    for (size_t i = 0; i < c.count; i++) {
+        float p[3];
+        centre_of(&c.leaves[i], p);
         CHECK(c.leaves[i].label != VOCC_OPAQUE);
+        CHECK(c.labels[i] != VOCC_OPAQUE ||
+              p[0] * p[0] + p[1] * p[1] + p[2] * p[2] < 1.0f);
+    }
     CHECK(c.result.opaque_leaves > 50);
     CHECK_INT(c.result.disagreements, c.result.opaque_leaves);
     classified_free(&c);
@@ -511,17 +516,23 @@ static void the_scene_stays_as_it_is(void)
     CHECK(memcmp(leaves, c.leaves, c.count * sizeof *leaves) == 0);
     free(leaves);
 
-    /* A smaller capacity: so many labels, the figures of all. */
+    /* A smaller capacity, up to an empty leaf: so many labels, the figures of
+     * all. */
+    size_t capacity = c.count - 1;
+    while (c.labels[capacity] == VOCC_BOUNDARY)
+        capacity--;
+    int32_t *labels = malloc(c.count * sizeof *labels);
+    REQUIRE(labels);
+    memset(labels, 0x77, c.count * sizeof *labels);
     vocc_ray_classification few;
     memset(&few, 0, sizeof few);
     few.size = sizeof few;
-    int32_t labels[3] = {77, 77, 77};
-    CHECK_INT(vocc_scene_classify_by_rays(w.scene, directions[1], 2, labels,
-                                          &few, NULL, NULL),
+    CHECK_INT(vocc_scene_classify_by_rays(w.scene, directions[1], capacity,
+                                          labels, &few, NULL, NULL),
               VOCC_OK);
-    CHECK_INT(labels[0], c.labels[0]);
-    CHECK_INT(labels[1], c.labels[1]);
-    CHECK_INT(labels[2], 77);
+    CHECK(memcmp(labels, c.labels, capacity * sizeof *labels) == 0);
+    CHECK_INT(labels[capacity], 0x77777777);
+    free(labels);
     CHECK_INT(few.leaf_count, c.count);
     CHECK_INT(few.opaque_leaves, c.result.opaque_leaves);
     CHECK_INT(few.disagreements, c.result.disagreements);

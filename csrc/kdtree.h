@@ -59,6 +59,9 @@ typedef struct vocc_node {
     uint32_t bits;
 } vocc_node;
 
+/* ISO C99 has no static assertion. */
+typedef char vocc_a_node_is_8_bytes[sizeof(vocc_node) == 8 ? 1 : -1];
+
 typedef struct vocc_opaque {
     float lower[3], upper[3];
     int32_t region;

@@ -327,6 +327,33 @@ def test_stats_has_every_counter_of_the_library() -> None:
     assert names == list(_ffi._COUNTERS)
 
 
+def test_a_cache_hit_takes_no_step(torus: pyvocc.Scene, random_rays: RandomRays) -> None:
+    """What an occluder of the cache blocks is not traced: slides, "traversal steps drops to 0"."""
+    org, dir = random_rays(2000)
+    found = 0
+    for k in range(len(org)):
+        for order in ("standard", "extended", "bfs", "qdbfs", "opaque_first"):
+            for policy in ("recent", "direction"):
+                counts = []
+                for number in (4, 400):
+                    stats = pyvocc.Stats()
+                    options = {"order": order, "cache_policy": policy, "threads": 1}
+                    rays = (np.tile(org[k], (number, 1)), dir[k])
+                    torus.occluded(*rays, stats=stats, **options)
+                    counts.append(stats)
+                first, many = counts
+                if first.occluder_hits_tree != 4:
+                    continue
+                found += 1
+                assert many.occluder_hits_tree == 4
+                assert many.occluder_hits_cache == 396
+                assert many.node_visits == first.node_visits > 0
+                assert many.triangle_tests == first.triangle_tests
+        if found > 100:
+            break
+    assert found > 100
+
+
 def test_stats_are_added_to(torus: pyvocc.Scene, random_rays: RandomRays) -> None:
     org, dir = random_rays(4000)
     stats = pyvocc.Stats(rays=7)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def built(mesh: workload.Mesh) -> pyvocc.Scene:
     return scene
 
 
-def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer) -> NDArray[np.uint8]:
+def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer, **options: Any) -> NDArray[np.uint8]:
     """(lights, height, width) counts, in the reference's form."""
     pixels = gbuffer.tile_order()
     visible = scene.light_visibility(
@@ -45,6 +46,7 @@ def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer) -> NDArray[np.uint8]:
         [pyvocc.RectLight(*light) for light in workload.LIGHTS.astype(float).tolist()],
         samples=SAMPLES,
         point_ids=pixels,
+        **options,
     )
     counts = np.full((len(workload.LIGHTS), SIZE * SIZE), workload.NOT_TRACED, np.uint8)
     counts[:, pixels] = np.where(visible == pyvocc.NOT_TRACED, workload.NOT_TRACED, visible)
@@ -74,6 +76,27 @@ def test_counts_equal_the_reference_or_are_right(name: str) -> None:
     assert verdict.ours_wrong == 0, "\n".join(map(str, verdict.differences))
     # A handful: more would mean that the two do not trace the same rays.
     assert len(verdict.differences) <= 10
+
+
+WAYS: tuple[dict[str, Any], ...] = (
+    {"order": "standard", "occluders": False},
+    {"order": "standard", "occluders": False, "triangle_cache": True, "entry_points": True},
+    {"order": "opaque_first", "cache_policy": "direction", "cache": 16},
+    {"order": "opaque_first", "entry_points": True, "entry_triangles": 64, "packets": False},
+    {"order": "rtsah", "voxels": 100, "fusion": False},
+    {"order": "sato", "voxels": 20, "entry_points": True, "isa": "scalar"},
+    {"order": "qdbfs", "deferment": 3, "entry_points": True, "entry_triangles": 0},
+)
+
+
+@pytest.mark.parametrize("name", workload.MESHES)
+def test_no_way_of_tracing_changes_a_count(name: str) -> None:
+    mesh = workload.load_mesh(SHARED / "meshes" / f"{name}.ply")
+    gbuffer = workload.load_gbuffer(SHARED / "workload" / f"{name}_{SIZE}.gbuf")
+    scene = built(mesh)
+    expected = image(scene, gbuffer)
+    for way in WAYS:
+        assert np.array_equal(image(scene, gbuffer, **way), expected), way
 
 
 def test_the_rays_are_the_same_in_python_and_in_the_library() -> None:

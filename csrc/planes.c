@@ -2,11 +2,20 @@
 #include "memory.h"
 #include "vec3.h"
 
+static int equal(const float *a, const float *b)
+{
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
+}
+
 static void make_plane(const float *c, float plane[4])
 {
     double e1[3], e2[3], n[3], largest = 0.0, products = 0.0, d = 0.0;
     int k;
     plane[0] = plane[1] = plane[2] = plane[3] = 0.0f;
+    if (equal(c, c + 3) || equal(c + 3, c + 6) || equal(c + 6, c)) {
+        plane[3] = 1.0f;
+        return;
+    }
     for (k = 0; k < 3; k++) {
         e1[k] = (double)c[3 + k] - (double)c[k];
         e2[k] = (double)c[6 + k] - (double)c[k];

@@ -38,7 +38,7 @@ typedef struct lighting {
     /* Triangles that the rays can meet; NULL: all below the entry node. */
     const uint32_t *among;
     int among_count;
-    uint32_t polled;
+    uint64_t work; /* since the last poll, in rays */
     vocc_jobs *jobs;
     vocc_shaft shaft;
     vocc_shaft_walk walk;
@@ -46,6 +46,20 @@ typedef struct lighting {
 
 /* ---- rays -------------------------------------------------------------------
  */
+
+/* Some milliseconds. */
+enum { POLL_RAYS = 16 * VOCC_BLOCK };
+
+/* Work as long as that of so many rays is done. */
+static vocc_status poll(lighting *g, uint64_t rays)
+{
+    g->work += rays;
+    if (g->work < POLL_RAYS)
+        return VOCC_OK;
+    g->work = 0;
+    return vocc_jobs_poll(g->jobs, g->worker_number) ? VOCC_ERROR_CANCELLED
+                                                     : VOCC_OK;
+}
 
 /* Whether the light's centre is above the surface; not so if a value is NaN. */
 static int faces(const vocc_tile *t, size_t i, const vocc_light *light)
@@ -61,18 +75,17 @@ static int faces(const vocc_tile *t, size_t i, const vocc_light *light)
 static vocc_status trace_block(lighting *g)
 {
     vocc_block *block = g->worker->block;
+    const size_t rays = block->count;
     size_t i;
     if (g->among)
         g->s->query.kernels->occluded_among(g->worker->tracer, block, g->among,
                                             g->among_count);
     else
         g->s->query.kernels->occluded(g->worker->tracer, block);
-    for (i = 0; i < block->count; i++)
+    for (i = 0; i < rays; i++)
         g->blocked[g->owner[i]] += block->occluded[i];
     block->count = 0;
-    return (++g->polled & 15) == 0 && vocc_jobs_poll(g->jobs, g->worker_number)
-               ? VOCC_ERROR_CANCELLED
-               : VOCC_OK;
+    return poll(g, rays);
 }
 
 /* All samples at one point. */
@@ -131,17 +144,36 @@ static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
  * this: a walk costs about as much as the rays of some points. */
 enum { SMALLEST_GROUP = 4, MOST_SKIPPED = 64 };
 
-static vocc_shaft_result walk_group(lighting *g, const uint16_t *which,
-                                    size_t count)
+/* A walk may look at so many nodes and triangles, and at as many more for each
+ * ray: that is less than tracing the rays takes.  A concave receiver would have
+ * it look at all of its triangles, which are all beside the shaft. */
+enum { FREE_STEPS = 64, STEPS_A_RAY = 8, MOST_SAMPLES = 64 };
+
+/* Steps of a walk that take as long as a ray. */
+enum { STEPS_LIKE_A_RAY = 8 };
+
+static vocc_status walk_group(lighting *g, const uint16_t *which, size_t count,
+                              vocc_shaft_result *found)
 {
     vocc_tracer *tracer = g->worker->tracer;
+    const vocc_counters *const c = &tracer->counters;
+    const uint64_t before = c->entry_steps + c->entry_tests;
+    const uint32_t samples = g->s->strata.samples < MOST_SAMPLES
+                                 ? g->s->strata.samples
+                                 : MOST_SAMPLES;
+    *found = VOCC_SHAFT_MANY;
+    tracer->counters.entry_searches++;
     if (!vocc_shaft_init(&g->shaft, tracer->tree, g->t->point, which, count,
                          &g->target)) {
         vocc_shaft_walk_at_root(&g->walk, tracer->tree);
-        return VOCC_SHAFT_MANY;
+        return VOCC_OK;
     }
-    return (vocc_shaft_result)g->s->query.kernels->walk_shaft(tracer, &g->shaft,
-                                                              &g->walk);
+    g->walk.budget =
+        FREE_STEPS + STEPS_A_RAY * (int64_t)count * (int64_t)samples;
+    *found = (vocc_shaft_result)g->s->query.kernels->walk_shaft(
+        tracer, &g->shaft, &g->walk);
+    return poll(g, 1 + (c->entry_steps + c->entry_tests - before) /
+                           STEPS_LIKE_A_RAY);
 }
 
 /* All rays of the group are lit, or all dark. */
@@ -164,9 +196,11 @@ static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
 {
     vocc_tracer *tracer = g->worker->tracer;
     vocc_counters *counters = &tracer->counters;
-    vocc_status status = VOCC_OK;
-    counters->entry_searches++;
-    switch (walk_group(g, which, count)) {
+    vocc_shaft_result found;
+    vocc_status status = walk_group(g, which, count, &found);
+    if (status != VOCC_OK)
+        return status;
+    switch (found) {
     case VOCC_SHAFT_LIT:
         counters->entry_lit_rays += settle_group(g, which, count, 0);
         break;
@@ -250,13 +284,17 @@ static vocc_status light_voxels(lighting *g, const uint16_t *which,
                                 size_t count)
 {
     vocc_counters *counters = &g->worker->tracer->counters;
+    vocc_shaft_result found;
     vocc_status status = VOCC_OK;
     size_t i, n;
     for (i = 0; i < count && status == VOCC_OK; i += n) {
         for (n = 1; i + n < count && n < VOCC_SHAFT_POINTS &&
                     g->t->voxel[which[i + n]] == g->t->voxel[which[i]];)
             n++;
-        switch (walk_group(g, which + i, n)) {
+        status = walk_group(g, which + i, n, &found);
+        if (status != VOCC_OK)
+            break;
+        switch (found) {
         case VOCC_SHAFT_LIT:
             counters->voxel_lit_rays += settle_group(g, which + i, n, 0);
             break;
@@ -291,8 +329,10 @@ static vocc_status light_tile(lighting *g, size_t l)
     for (i = 0; i < t->count; i++)
         if (faces(t, i, g->light))
             g->lit[count++] = (uint16_t)i;
-    status = s->query.options.voxels ? light_voxels(g, g->lit, count)
-                                     : light_points(g, g->lit, count);
+    status = poll(g, t->count / STEPS_LIKE_A_RAY);
+    if (status == VOCC_OK)
+        status = s->query.options.voxels ? light_voxels(g, g->lit, count)
+                                         : light_points(g, g->lit, count);
     for (i = 0; i < count; i++)
         visible[t->number[g->lit[i]]] =
             (uint16_t)(s->strata.samples - g->blocked[g->lit[i]]);
@@ -314,7 +354,7 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     g.worker->block->count = 0;
     g.t = &t;
     g.among = NULL;
-    g.polled = 0;
+    g.work = 0;
     g.jobs = jobs;
     g.walk.most = s->query.options.entry_triangles;
     for (l = 0; l < s->light_count && status == VOCC_OK; l++)
@@ -398,10 +438,9 @@ vocc_status vocc_light_visibility(const vocc_scene *scene, size_t count,
             status = VOCC_ERROR_INVALID_ARGUMENT;
     memcpy(s.points.origin, scene->built.origin, sizeof s.points.origin);
     s.points.neighbours = s.query.options.entry_points;
-    if (status == VOCC_OK && s.query.options.voxels &&
-        !vocc_points_by_voxel(&scene->allocator, &s.points,
-                              s.query.options.voxels))
-        status = VOCC_ERROR_OUT_OF_MEMORY;
+    if (status == VOCC_OK && s.query.options.voxels && light_count)
+        status = vocc_points_by_voxel(&scene->allocator, &s.points,
+                                      s.query.options.voxels, &s.query.ticker);
     if (status == VOCC_OK) {
         if (s.query.options.point_steps)
             memset(s.query.options.point_steps, 0,

@@ -50,7 +50,8 @@ typedef enum vocc_shaft_result {
 
 /* What a walk found. */
 typedef struct vocc_shaft_walk {
-    int most; /* triangles that may be kept, up to VOCC_SHAFT_TRIANGLES */
+    int most;       /* triangles that may be kept, up to VOCC_SHAFT_TRIANGLES */
+    int64_t budget; /* nodes and triangles that may be looked at */
     int count;
     uint32_t triangles[VOCC_SHAFT_TRIANGLES];
     /* Where rays of this shaft may start: all that they can meet is below. */

@@ -6,7 +6,7 @@
 
 #include <string.h>
 
-/* Bits of a number below 2^10, three places apart. */
+/* The bits of a number below 2^10, three places apart. */
 static uint64_t spread(uint32_t x)
 {
     uint64_t bits = x;
@@ -132,29 +132,97 @@ void vocc_tile_load(vocc_tile *t, const vocc_points *points, size_t job)
     }
 }
 
-int vocc_points_by_voxel(const vocc_allocator *allocator, vocc_points *points,
-                         int voxels)
+/* ---- voxels -----------------------------------------------------------------
+ */
+
+enum { CELL_BITS = 30, DIGIT_BITS = 10, DIGITS = 1 << DIGIT_BITS };
+
+/* Points between ticks. */
+enum { TICK_POINTS = 1 << 16 };
+
+static int tick(vocc_ticker *ticker, size_t i)
 {
+    return i % TICK_POINTS == 0 && vocc_tick(ticker, 0.0);
+}
+
+/* One pass of a radix sort: by the digit from bit `shift` on; equal ones keep
+ * their order. */
+static int sort_digit(const uint64_t *from, uint64_t *to, size_t count,
+                      int shift, vocc_ticker *ticker)
+{
+    size_t start[DIGITS] = {0}, i, sum = 0;
+    int d;
+    for (i = 0; i < count; i++) {
+        if (tick(ticker, i))
+            return 0;
+        start[from[i] >> shift & (DIGITS - 1)]++;
+    }
+    for (d = 0; d < DIGITS; d++) {
+        const size_t n = start[d];
+        start[d] = sum;
+        sum += n;
+    }
+    for (i = 0; i < count; i++) {
+        if (tick(ticker, i))
+            return 0;
+        to[start[from[i] >> shift & (DIGITS - 1)]++] = from[i];
+    }
+    return 1;
+}
+
+static int sort_voxels(vocc_points *points, uint64_t *spare, int voxels,
+                       vocc_ticker *ticker)
+{
+    uint64_t *keys = points->by_voxel;
     grid g;
     float p[3];
     size_t i;
-    points->by_voxel =
-        vocc_allocate(allocator, points->count, sizeof *points->by_voxel);
-    if (!points->by_voxel)
-        return 0;
-    points->number_bits = 0;
-    while (points->count >> points->number_bits)
-        points->number_bits++;
+    int bit;
     grid_begin(&g);
-    for (i = 0; i < points->count; i++)
+    for (i = 0; i < points->count; i++) {
+        if (tick(ticker, i))
+            return 0;
         if (load_position(points, i, p))
             grid_add(&g, p);
+    }
     grid_end(&g, voxels);
     for (i = 0; i < points->count; i++) {
-        const uint64_t voxel =
-            load_position(points, i, p) ? grid_cell(&g, p) : 0;
-        points->by_voxel[i] = voxel << points->number_bits | (uint64_t)i;
+        if (tick(ticker, i))
+            return 0;
+        keys[i] = (load_position(points, i, p) ? grid_cell(&g, p) : 0)
+                      << points->number_bits |
+                  (uint64_t)i;
     }
-    vocc_sort(points->by_voxel, points->count);
+    /* The numbers are in order already. */
+    for (bit = 0; bit < CELL_BITS; bit += DIGIT_BITS) {
+        const uint64_t *from = bit / DIGIT_BITS % 2 ? spare : keys;
+        if (!sort_digit(from, bit / DIGIT_BITS % 2 ? keys : spare,
+                        points->count, points->number_bits + bit, ticker))
+            return 0;
+    }
+    /* An odd number of passes. */
+    memcpy(keys, spare, points->count * sizeof *keys);
     return 1;
+}
+
+vocc_status vocc_points_by_voxel(const vocc_allocator *allocator,
+                                 vocc_points *points, int voxels,
+                                 vocc_ticker *ticker)
+{
+    uint64_t *spare;
+    vocc_status status = VOCC_OK;
+    points->number_bits = 1;
+    while (points->count >> points->number_bits)
+        points->number_bits++;
+    if (points->number_bits + CELL_BITS > 64)
+        return VOCC_ERROR_LIMIT;
+    points->by_voxel =
+        vocc_allocate(allocator, points->count, sizeof *points->by_voxel);
+    spare = vocc_allocate(allocator, points->count, sizeof *spare);
+    if (!points->by_voxel || !spare)
+        status = VOCC_ERROR_OUT_OF_MEMORY;
+    else if (!sort_voxels(points, spare, voxels, ticker))
+        status = VOCC_ERROR_CANCELLED;
+    vocc_release(allocator, spare);
+    return status;
 }

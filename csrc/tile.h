@@ -3,6 +3,7 @@
 #define VOCC_TILE_H
 
 #include "platform.h"
+#include "threads.h"
 #include "vocc.h"
 
 /* Points a job.  Within it the order is light, point, sample: rays that follow
@@ -37,8 +38,9 @@ VOCC_INTERNAL void vocc_tile_load(vocc_tile *tile, const vocc_points *points,
 
 /* Sorts all points by the voxel that they are in, `voxels` along the longest
  * side of their bounds (1 to 1024): sets by_voxel, which is to be released.
- * Returns 0 if there is no memory. */
-VOCC_INTERNAL int vocc_points_by_voxel(const vocc_allocator *allocator,
-                                       vocc_points *points, int voxels);
+ * Fails: OUT_OF_MEMORY, CANCELLED, LIMIT (2^34 points or more). */
+VOCC_INTERNAL vocc_status vocc_points_by_voxel(const vocc_allocator *allocator,
+                                               vocc_points *points, int voxels,
+                                               vocc_ticker *ticker);
 
 #endif

@@ -330,7 +330,7 @@ VOCC_API vocc_status vocc_scene_references(const vocc_scene *scene,
 
 typedef enum vocc_order {
     VOCC_ORDER_AUTO = 0,     /* chosen when the scene was built; it also does
-                                without the cache where that does not pay */
+                                without occluders where they do not pay */
     VOCC_ORDER_STANDARD = 1, /* front to back; triangles at once */
     VOCC_ORDER_EXTENDED = 2, /* front to back; triangles deferred */
     VOCC_ORDER_BFS = 3,      /* breadth first; triangles deferred */
@@ -378,7 +378,8 @@ typedef struct vocc_counters {
     uint64_t queue_pushes, queue_pops;
     uint64_t careful_rays;   /* traced in double: values outside the range of
                                 the float kernels */
-    uint64_t entry_searches; /* of entry points: groups of points x light */
+    uint64_t entry_searches; /* of entry points and for voxels: groups of
+                                points x light */
     uint64_t entry_steps, entry_tests; /* nodes and triangles looked at there */
     uint64_t entry_lit_rays, entry_dark_rays; /* rays that need no tracing */
     uint64_t entry_few_rays; /* rays tested against a short list instead */
@@ -418,8 +419,9 @@ typedef struct vocc_query_options {
     void *progress_user;
     vocc_counters *counters; /* NULL: not counted, at no cost; else added to */
     uint32_t *point_steps;   /* vocc_light_visibility: NULL, or gets for each
-                                point the traversal steps (node_visits) of its
-                                rays; packets then hold rays of one point */
+                                point the traversal steps (node_visits, not
+                                entry_steps) of its rays, modulo 2^32; packets
+                                then hold rays of one point */
 } vocc_query_options;
 
 /* Fills *options with the defaults. */

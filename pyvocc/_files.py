@@ -89,4 +89,4 @@ def replacing(path: PathLike) -> Iterator[Path]:
 
 def missing(package: str, purpose: str) -> ImportError:
     """The error to raise where an optional package is not installed."""
-    return ImportError(f"{purpose} needs {package}: pip install pyvocc[io]", name=package)
+    return ImportError(f"{purpose} needs {package}: pip install 'pyvocc[io]'", name=package)

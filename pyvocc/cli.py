@@ -217,7 +217,14 @@ def _parser() -> argparse.ArgumentParser:
         help="with armadillo, bunny, dragon, rose, tubes131 and cowboy .ply (default: meshes that "
         "are generated to stand for them)",
     )
-    add("--only", type=_names, default=(), metavar="A,B", help="only these of the meshes")
+    add(
+        "--only",
+        type=_names,
+        default=(),
+        metavar="A,B",
+        help="only these scenes: of --meshes the names above, "
+        "city and spot; of the generated ones ball, rock, tubes, petals, figure and blocks",
+    )
     add("--size", type=_integer(8, 8192), metavar="N", help="pixels, squared (default 1024)")
     add("--samples", type=_integer(1, 65534), metavar="N", help="of each light (default 20)")
     add("--rounds", type=_integer(1, 99), metavar="N", help="of timed passes (default 3)")

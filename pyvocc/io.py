@@ -1,7 +1,7 @@
 """Files: meshes, scenes and images.
 
 Meshes in PLY, OBJ, STL and OFF and scene files need nothing more than NumPy; other mesh
-formats need trimesh, EXR files OpenEXR and PNG files Pillow: ``pip install pyvocc[io]``.
+formats need trimesh, EXR files OpenEXR and PNG files Pillow: ``pip install 'pyvocc[io]'``.
 They are imported when they are needed, with an ImportError that says so.
 """
 

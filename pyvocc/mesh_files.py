@@ -447,6 +447,10 @@ def _stl_text(data: bytes) -> NDArray[np.float32]:
 # ---- all else ------------------------------------------------------------------------
 
 
+# What it reads that is not read here.
+_TRIMESH = (".glb", ".gltf", ".dae", ".zae", ".3mf", ".3dxml", ".xaml", ".ctm")
+
+
 def _through_trimesh(path: PathLike) -> tuple[NDArray[Any], NDArray[Any]]:
     if not Path(path).is_file():
         read_bytes(path)  # raises with the reason
@@ -454,6 +458,10 @@ def _through_trimesh(path: PathLike) -> tuple[NDArray[Any], NDArray[Any]]:
     try:
         import trimesh
     except ImportError:
+        if suffix not in _TRIMESH:
+            known = ", ".join((*_READERS, *_TRIMESH))
+            text = f"no reader for {suffix!r} files" if suffix else "has no suffix"
+            raise FileError(path, f"{text}; there are {known}") from None
         raise missing("trimesh", f"reading {suffix or 'this kind of'} files") from None
     if suffix.lstrip(".") not in trimesh.available_formats():
         raise FileError(path, f"no reader for {suffix!r} files" if suffix else "has no suffix")

@@ -87,6 +87,10 @@ def listed(found: Figures, text: Callable[[float], str]) -> str:
     return ", ".join(f"{scene.subject.title} {text(value)}" for scene, value in found)
 
 
+def plural(count: int, thing: str) -> str:
+    return f"{count} {thing}" + ("" if count == 1 else "s")
+
+
 def times(value: float) -> str:
     return f"{value:.2f}×"
 
@@ -155,7 +159,9 @@ def _identical(scenes: Scenes) -> Claim:
     wrong = different(scenes)
     if wrong:
         return Claim(slides, "images differ", NOT, "; ".join(wrong))
-    return Claim(slides, f"{images} images of {len(scenes)} scenes, bit for bit", REPRODUCED)
+    return Claim(
+        slides, f"{images} images of {plural(len(scenes), 'scene')}, bit for bit", REPRODUCED
+    )
 
 
 def _rate(scenes: Scenes) -> Claim:
@@ -169,7 +175,7 @@ def _rate(scenes: Scenes) -> Claim:
     here = f"QDBFS up to {times(value)} ({best.subject.title})"
     if mode is not modes.QDBFS:
         here += f", {mode.label} up to {times(top)} ({where.subject.title})"
-    why = f"where the gain is largest, occluders have {_area(best)}"
+    why = f"where the gain is largest, on {best.subject.title}, occluders have {_area(best)}"
     return Claim(slides, here, _verdict(value >= 2 * SAME, value >= 1.3), why)
 
 
@@ -179,7 +185,7 @@ def _gain(mode: Mode) -> Callable[[Measured], float | None]:
 
 def _area(scene: Measured) -> str:
     slides = scene.subject.slides
-    theirs = f", {slides.area:g} in the slides" if slides else ""
+    theirs = f" (the slides' {slides.name}: {slides.area:g})" if slides else ""
     return f"{scene.tree['area_ratio']:.1f} times the surface of the mesh{theirs}"
 
 
@@ -300,7 +306,8 @@ def _deferment(scenes: Scenes) -> Claim:
     if not ratios:
         return _open(slides)
     near = sum(v <= 1 + NOISE for _, v in ratios)
-    best = f"on {near} of {len(ratios)} scenes within {100 * NOISE:.0f} % of the best size"
+    number = plural(len(ratios), "scene")
+    best = f"QDBFS: on {near} of {number} within {100 * NOISE:.0f} % of the best size"
     here = f"{best}; the count of tests no longer changes from size {max(settled)} on"
     why = f"time at 512 over the best: {listed(ratios, times)}"
     return Claim(slides, here, _verdict(near == len(ratios), near * 2 >= len(ratios)), why)
@@ -467,6 +474,6 @@ def _classes(scenes: Scenes) -> Claim | None:
         return _open(slides)
     wrong, leaves = sum(d for _, d, _ in found), sum(n for _, _, n in found)
     names = sorted({s.subject.title for s, d, _ in found if d})
-    here = f"{wrong:,} of {leaves:,} leaves get another label than by the flood fill"
+    here = f"{wrong:,} of {leaves:,} labels (empty leaves × directions) are not the flood fill's"
     why = f"on {', '.join(names)}; section 13 has them by direction"
     return Claim(slides, here, _verdict(wrong == 0, wrong < leaves / 100), why)

@@ -11,7 +11,7 @@ from typing import Any
 from .. import __version__
 from . import charts, claims, modes
 from .charts import Bars, Line, Marks, Panel
-from .claims import NOT, OPEN, PARTLY, REPRODUCED, change, percent, times
+from .claims import NOT, OPEN, PARTLY, REPRODUCED, change, percent, plural, times
 from .measure import DIRECTIONS, OUTCOMES, SPLIT_TILES, Machine, Measured
 from .modes import CACHES, DEFERMENTS, Mode
 from .page import Alarm, Block, Gallery, Items, Picture, Section, Table, Text
@@ -123,6 +123,18 @@ _MODE_COLOURS = {
 }
 
 
+_WORDS = (
+    "In short: a volumetric occluder is an empty leaf of the kd-tree inside a solid. Extended "
+    "order walks on past leaves with triangles, which wait on the deferment list, to find one; "
+    "BFS visits the tree breadth first for the same end; QDBFS (quick descent) is BFS that visits "
+    "an only child at once; opaque first goes depth first, to the child where a block is cheaper "
+    "to find; the cache keeps the occluders that blocked last. docs/method.md has all of it. "
+    "A claim is “reproduced” if its figures are at least 85 % of the slides', or its counts have "
+    "the stated sign on every scene; “in part” if that holds for some; times that differ by less "
+    "than 3 % count as equal."
+)
+
+
 # ---- the head ------------------------------------------------------------------------
 
 
@@ -136,9 +148,10 @@ def _head(scenes: Sequence[Measured], context: Context) -> Section:
         Text(
             "Djeu, Keely and Hunt, “Accelerating Shadow Rays Using Volumetric Occluders and "
             "Modified kd-Tree Traversal” (HPG 2009), repeated with pyvocc "
-            f"{__version__} on {len(scenes)} scenes: {context.settings.size} × "
+            f"{__version__} on {plural(len(scenes), 'scene')}: {context.settings.size} × "
             f"{context.settings.size} pixels, five area lights, {context.settings.samples} samples "
-            "each. The slides' own figures stand beside ours wherever their text has them."
+            "each. “The slides” are those of the paper's talk; their figures stand beside ours "
+            "wherever their text has them."
         )
     )
     number = {v: sum(c.verdict == v for c in judged) for v in (REPRODUCED, PARTLY, NOT, OPEN)}
@@ -163,6 +176,7 @@ def _head(scenes: Sequence[Measured], context: Context) -> Section:
     if stand_ins:
         names = "; ".join(f"{s.title} ({s.note})" for s in stand_ins)
         blocks.append(Text(f"Not the slides' meshes, and starred below: {names}."))
+    blocks.append(Text(_WORDS))
     head = ("The slides say", "Measured here", "Verdict")
     rows = [(claim.slides, claim.here or "–", claim.verdict) for claim in judged]
     blocks.append(Table(head, rows, 3, verdicts=2))

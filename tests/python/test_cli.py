@@ -366,7 +366,7 @@ def test_a_package_that_is_missing_is_told_in_a_line(
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
     code, _, err = run("shadow", "scene.toml", "-o", "a.exr")
     assert code == 2
-    assert err == "pyvocc: writing EXR files needs OpenEXR: pip install pyvocc[io]\n"
+    assert err == "pyvocc: writing EXR files needs OpenEXR: pip install 'pyvocc[io]'\n"
 
 
 def test_memory_that_runs_out_is_told_in_a_line(

@@ -339,7 +339,7 @@ def test_a_missing_package_is_named_with_the_extra(
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ImportError, match=r"pip install pyvocc\[io\]"):
+    with pytest.raises(ImportError, match=r"pip install 'pyvocc\[io\]'"):
         call(tmp_path)
 
 

@@ -830,6 +830,12 @@ def _embree(scenes: Sequence[Measured], context: Context) -> Section:
     ]
     rows = [[mode.label, *(_number(scene.rate(mode)) for scene in scenes)] for mode in ours]
     rows += [[f"Embree {name}", *map(_number, rates[name])] for name in names]
+    for mode in (modes.BASELINE, modes.OPAQUE_FIRST, modes.AUTO):
+        for name in (n for n in names if "sse4.2" in n):
+            pairs = zip(scenes, rates[name], strict=True)
+            rows.append(
+                [f"{mode.label} / {name}", *(_times(_ratio(s.rate(mode), r)) for s, r in pairs)]
+            )
     rows.append(
         [
             "auto / fastest of Embree",
@@ -994,18 +1000,21 @@ def _related(scenes: Sequence[Measured]) -> Section:
             blocks += [Text(f"{what}:"), Table(head, rows, 2)]
     decided = _decided(scenes)
     if decided:
-        blocks += [Text("Rays that were decided before the tree:"), decided]
+        blocks += [
+            Text("Rays that were decided before the tree (with QDBFS and occluders):"),
+            decided,
+        ]
     return Section("related", "15. The systems the slides build on", blocks)
 
 
 def _decided(scenes: Sequence[Measured]) -> Table | None:
     rows = []
     for label, mode, names in (
-        ("voxels, lit", modes.VOXELS_BASE, ("voxel_lit_rays",)),
-        ("voxels, dark", modes.VOXELS_BASE, ("voxel_dark_rays",)),
-        ("entry points, lit", modes.ENTRY_BASE, ("entry_lit_rays",)),
-        ("entry points, dark", modes.ENTRY_BASE, ("entry_dark_rays",)),
-        ("entry points, a short list of triangles", modes.ENTRY_BASE, ("entry_few_rays",)),
+        ("voxels, lit", modes.VOXELS_QDBFS, ("voxel_lit_rays",)),
+        ("voxels, dark", modes.VOXELS_QDBFS, ("voxel_dark_rays",)),
+        ("entry points, lit", modes.ENTRY_QDBFS, ("entry_lit_rays",)),
+        ("entry points, dark", modes.ENTRY_QDBFS, ("entry_dark_rays",)),
+        ("entry points, a short list of triangles", modes.ENTRY_QDBFS, ("entry_few_rays",)),
     ):
         row = [label]
         for scene in scenes:

@@ -15,8 +15,6 @@
  * SATO: the child with the larger surface (Nah and Manocha, "SATO: Surface Area
  * Traversal Order for Shadow Ray Tracing", 2014). */
 
-#define TRIANGLE_COST 0.65 /* to a step of 1, as in vocc_build_options_init */
-
 typedef struct chance {
     double cost, block;
 } chance;
@@ -68,8 +66,9 @@ static double area_within(const float *c, const float lower[3],
     return area;
 }
 
-static estimate estimate_leaf(const vocc_tree *tree, vocc_node leaf,
-                              const float lower[3], const float upper[3])
+static estimate estimate_leaf(const vocc_tree *tree, double triangle_cost,
+                              vocc_node leaf, const float lower[3],
+                              const float upper[3])
 {
     estimate e;
     const uint32_t *r = tree->references + leaf.at.first;
@@ -85,7 +84,7 @@ static estimate estimate_leaf(const vocc_tree *tree, vocc_node leaf,
         area += area_within(tree->corners + 9 * (size_t)r[i], lower, upper);
     /* A line through a convex body of surface S crosses a patch of area A in it
      * 2 A / S times on average; at least once less often. */
-    e.triangles.cost = TRIANGLE_COST * (double)vocc_leaf_count(leaf);
+    e.triangles.cost = triangle_cost * (double)vocc_leaf_count(leaf);
     if (area > 0.0)
         e.triangles.block = 2.0 * area / (2.0 * area + e.area);
     e.opaque = e.triangles;
@@ -117,6 +116,7 @@ typedef struct subtree {
 
 typedef struct ordering {
     vocc_tree *tree;
+    double triangle_cost; /* to a step of 1 */
     size_t count;
     subtree list[MOST_SUBTREES];
     enum { LIST, USE, NONE } subtrees; /* what to do where they begin */
@@ -135,7 +135,7 @@ static estimate visit(ordering *o, uint32_t index, int depth, float lower[3],
     int k;
     memset(&e, 0, sizeof e);
     if (vocc_is_leaf(*n))
-        return estimate_leaf(o->tree, *n, lower, upper);
+        return estimate_leaf(o->tree, o->triangle_cost, *n, lower, upper);
     if (depth == SUBTREE_DEPTH && o->subtrees == USE)
         return o->list[o->next++].result;
     if (depth == SUBTREE_DEPTH && o->subtrees == LIST) {
@@ -188,20 +188,22 @@ static vocc_status visit_subtree(void *context, size_t job, int worker,
     (void)worker;
     (void)jobs;
     o.tree = all->tree;
+    o.triangle_cost = all->triangle_cost;
     o.subtrees = NONE;
     t->result = visit(&o, t->node, 0, t->lower, t->upper);
     return VOCC_OK;
 }
 
 vocc_status vocc_order_children(const vocc_allocator *allocator,
-                                vocc_tree *tree, int threads,
-                                vocc_ticker *ticker)
+                                vocc_tree *tree, double triangle_cost,
+                                int threads, vocc_ticker *ticker)
 {
     ordering o;
     vocc_status status;
     if (!tree->triangle_count)
         return VOCC_OK;
     o.tree = tree;
+    o.triangle_cost = triangle_cost;
     o.count = 0;
     o.subtrees = LIST;
     visit_top(&o);

@@ -7,9 +7,10 @@
 #include "threads.h"
 
 /* Sets the bits of each vocc_first in the nodes without tags; they do not
- * depend on `threads`. */
+ * depend on `threads`.  triangle_cost: of a test, to a step of 1. */
 VOCC_INTERNAL vocc_status vocc_order_children(const vocc_allocator *allocator,
-                                              vocc_tree *tree, int threads,
+                                              vocc_tree *tree,
+                                              double triangle_cost, int threads,
                                               vocc_ticker *ticker);
 
 #endif

@@ -475,7 +475,10 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     built->report.seconds_classify = now - start;
     start = now;
     vocc_ticker_stage(ticker, 0.95, 0.96);
-    status = vocc_order_children(a, &built->tree, options->threads, ticker);
+    status = vocc_order_children(a, &built->tree,
+                                 (double)options->intersection_cost /
+                                     (double)options->traversal_cost,
+                                 options->threads, ticker);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
     if (!vocc_make_planes(a, &built->tree))

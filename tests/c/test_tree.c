@@ -74,6 +74,63 @@ static void nodes_of_built_trees(void)
     CHECK(seen[VOCC_OPAQUE] > 1000);
 }
 
+/* The larger child first: for all nodes without tags.  Of the other two orders
+ * (their estimates are not worked out again here) it is checked that both
+ * answers occur, and that occluders make them differ. */
+static double box_area(const float lower[3], const float upper[3])
+{
+    const double x = (double)upper[0] - (double)lower[0],
+                 y = (double)upper[1] - (double)lower[1],
+                 z = (double)upper[2] - (double)lower[2];
+    return 2.0 * (x * y + y * z + z * x);
+}
+
+static void check_order(const vocc_tree *tree, uint32_t index,
+                        const float lower[3], const float upper[3],
+                        size_t above[VOCC_FIRST_COUNT], size_t *differ,
+                        size_t *count)
+{
+    const vocc_node n = tree->nodes[index];
+    float cut_upper[3], cut_lower[3];
+    if (vocc_is_leaf(n))
+        return;
+    memcpy(cut_upper, upper, sizeof(cut_upper));
+    memcpy(cut_lower, lower, sizeof(cut_lower));
+    cut_upper[vocc_axis(n)] = cut_lower[vocc_axis(n)] = n.at.split_pos;
+    if (!vocc_tags(n)) {
+        CHECK_INT(vocc_above_first(n, VOCC_FIRST_SATO),
+                  box_area(cut_lower, upper) > box_area(lower, cut_upper));
+        for (int k = 0; k < VOCC_FIRST_COUNT; k++)
+            above[k] += vocc_above_first(n, (vocc_first)k);
+        *differ += vocc_above_first(n, VOCC_FIRST_OPAQUE) !=
+                   vocc_above_first(n, VOCC_FIRST_RTSAH);
+        ++*count;
+    }
+    check_order(tree, vocc_children(n), lower, cut_upper, above, differ, count);
+    check_order(tree, vocc_children(n) + 1, cut_lower, upper, above, differ,
+                count);
+}
+
+static void child_order(void)
+{
+    size_t above[VOCC_FIRST_COUNT] = {0}, differ = 0, count = 0;
+    for (size_t i = 0; i < shape_count(); i++) {
+        shape s;
+        world w;
+        test_context(shape_name(i));
+        shape_make(&s, i, 1);
+        world_make(&w, &s, NULL);
+        const vocc_tree *tree = &w.scene->built.tree;
+        check_order(tree, 0, tree->lower, tree->upper, above, &differ, &count);
+        world_free(&w);
+        shape_free(&s);
+    }
+    test_compared(count);
+    for (int k = 0; k < VOCC_FIRST_COUNT; k++)
+        CHECK(above[k] > count / 10 && above[k] < count - count / 10);
+    CHECK(differ > count / 100);
+}
+
 /* ---- clipping ---------------------------------------------------------------
  */
 
@@ -335,6 +392,7 @@ static void grown_boxes_are_free(void)
 const test_case test_tree_cases[] = {
     {"tree.node_layout", node_layout},
     {"tree.nodes_of_built_trees", nodes_of_built_trees},
+    {"tree.child_order", child_order},
     {"tree.clip_loses_nothing", clip_loses_nothing},
     {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
     {"tree.grown_boxes_are_free", grown_boxes_are_free},

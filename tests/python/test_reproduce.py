@@ -347,7 +347,7 @@ def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[measure
     found = scenes(settings, folder)
     for scene in found:
         scene._store = store
-        for mode in (modes.BASELINE, modes.EXTENDED, modes.BFS, modes.QDBFS, modes.AUTO):
+        for mode in (*modes.ORDERS, modes.UNFUSED_STANDARD):
             cell = scene._cell(mode.label, scene._make_counts, mode, settings.size)
             store.put(cell.key, cell.make())
         store.put(scene._scene_key(), scene._make_scene())
@@ -384,6 +384,21 @@ def test_occluders_spare_triangle_tests_on_solids(stand_ins: list[measure.Measur
             ratio = claims.counters(mode, modes.BASELINE, "triangle_tests")(scene)
             assert ratio is not None
             assert ratio <= 0.7, (scene.subject.name, mode.name, ratio)
+
+
+def test_opaque_first_takes_fewer_steps_than_qdbfs(stand_ins: list[measure.Measured]) -> None:
+    """The node's bit leads to a block sooner than breadth first does."""
+    for scene in stand_ins:
+        ratio = claims.counters(modes.OPAQUE_FIRST, modes.QDBFS, "node_visits")(scene)
+        assert ratio is not None
+        assert ratio < 1, (scene.subject.name, ratio)
+
+
+def test_fusion_spares_steps_on_solids(stand_ins: list[measure.Measured]) -> None:
+    for scene in (scene for scene in stand_ins if scene.subject.solid):
+        ratio = claims.counters(modes.STANDARD, modes.UNFUSED_STANDARD, "node_visits")(scene)
+        assert ratio is not None
+        assert ratio < 1, (scene.subject.name, ratio)
 
 
 # ---- parts ----------------------------------------------------------------------------------

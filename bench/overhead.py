@@ -47,7 +47,15 @@ def overhead(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
             (pixels, lib.VOCC_UINT32),
         )
     ]
-    c_lights = ffi.new("vocc_rect_light[]", LIGHTS.astype(float).tolist())
+    sampling = ffi.new("vocc_sampling *")
+    lib.vocc_sampling_init(sampling)
+    sampling.samples = settings.samples
+    sampling.sampler, sampling.horizon = lib.VOCC_SAMPLER_JITTER, lib.VOCC_HORIZON_CENTRE
+    fields = ("position", "edge_u", "edge_v")
+    c_lights = ffi.new(
+        "vocc_light[]",
+        [dict(zip(fields, light, strict=True)) for light in LIGHTS.astype(float).tolist()],
+    )
 
     def in_c() -> np.ndarray[Any, np.dtype[np.uint16]]:
         visible = np.empty((len(LIGHTS), len(pixels)), np.uint16)
@@ -57,8 +65,10 @@ def overhead(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
             *rows,
             len(LIGHTS),
             c_lights,
-            settings.samples,
+            sampling,
             ffi.cast("uint16_t *", visible.ctypes.data),
+            ffi.NULL,
+            ffi.NULL,
             options,
             ffi.NULL,
         )
@@ -68,7 +78,13 @@ def overhead(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
 
     def in_python() -> np.ndarray[Any, np.dtype[np.uint16]]:
         return scene.light_visibility(
-            points, normals, lights, samples=settings.samples, point_ids=pixels
+            points,
+            normals,
+            lights,
+            settings.samples,
+            pixels,
+            sampler="jitter",
+            horizon="centre",
         )
 
     result: dict[str, Any] = {"c": [], "python": []}

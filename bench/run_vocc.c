@@ -21,7 +21,7 @@ typedef struct vb_self {
 typedef struct vb_mode {
     vb_self *self;
     vocc_query_options options;
-    vocc_rect_light lights[WL_LIGHTS];
+    vocc_light lights[WL_LIGHTS];
     uint16_t *visible; /* [5][points] */
 } vb_mode;
 
@@ -267,9 +267,10 @@ static void *vb_prepare(void *user, const dr_job *job, const char *text,
         free(mode);
         return NULL;
     }
+    memset(mode->lights, 0, sizeof mode->lights); /* RECT, two-sided */
     for (int k = 0; k < WL_LIGHTS; k++)
         for (int i = 0; i < 3; i++) {
-            mode->lights[k].corner[i] = (double)wl_lights[k].corner[i];
+            mode->lights[k].position[i] = (double)wl_lights[k].corner[i];
             mode->lights[k].edge_u[i] = (double)wl_lights[k].edge_u[i];
             mode->lights[k].edge_v[i] = (double)wl_lights[k].edge_v[i];
         }
@@ -309,13 +310,18 @@ static void vb_pass(void *prepared, dr_job *job)
 {
     vb_mode *mode = prepared;
     size_t count = job->pixel_count;
+    vocc_sampling sampling;
     vocc_error error;
+    vocc_sampling_init(&sampling);
+    sampling.samples = (int32_t)job->sampler.samples;
+    sampling.sampler = VOCC_SAMPLER_JITTER;
+    sampling.horizon = VOCC_HORIZON_CENTRE;
     check(vocc_light_visibility(
               mode->self->scene, count,
               rows(job->points, sizeof *job->points, VOCC_FLOAT32),
               rows(job->normals, sizeof *job->normals, VOCC_FLOAT32),
               rows(job->pixels, sizeof *job->pixels, VOCC_UINT32), WL_LIGHTS,
-              mode->lights, (int32_t)job->sampler.samples, mode->visible,
+              mode->lights, &sampling, mode->visible, NULL, NULL,
               &mode->options, &error),
           &error);
     size_t area = (size_t)job->gbuffer.width * job->gbuffer.height;

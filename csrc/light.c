@@ -1,57 +1,468 @@
 #include "light.h"
-#include "traverse.h"
+#include "status.h"
+#include "trig.h"
 #include "vec3.h"
 #include "walk.h"
 
-static int round_to(double source, double origin, float *out, double *bad)
+#include <inttypes.h>
+#include <math.h>
+#include <string.h>
+
+/* ---- from the caller's light ------------------------------------------------
+ */
+
+static vocc_status bad_field(vocc_error *error, size_t number,
+                             const char *field, double value, const char *what)
 {
-    *out = (float)(source - origin);
-    if (vocc_finitef(*out))
-        return 1;
-    *bad = source;
-    return 0;
+    return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights",
+                     (int64_t)number, value, "lights[%zu].%s is %.10g: %s",
+                     number, field, value, what);
 }
 
-int vocc_light_init(vocc_light *light, const vocc_rect_light *source,
-                    const double origin[3], double *bad)
+static vocc_status round_vector(float out[3], const double in[3],
+                                const double *origin, size_t number,
+                                const char *field, vocc_error *error)
 {
     int k;
     for (k = 0; k < 3; k++) {
-        if (!round_to(source->corner[k], origin[k], &light->corner[k], bad) ||
-            !round_to(source->edge_u[k], 0.0, &light->edge_u[k], bad) ||
-            !round_to(source->edge_v[k], 0.0, &light->edge_v[k], bad))
-            return 0;
-        light->centre[k] = (double)light->corner[k] +
-                           (double)light->edge_u[k] / 2.0 +
-                           (double)light->edge_v[k] / 2.0;
+        out[k] = (float)(in[k] - (origin ? origin[k] : 0.0));
+        if (!vocc_finitef(out[k]))
+            return bad_field(error, number, field, in[k],
+                             "it has to be a finite float32 number");
     }
+    return VOCC_OK;
+}
+
+/* Unit length; 0 if it has no direction. */
+static int normalize(const double in[3], double out[3])
+{
+    double largest = 0.0, length;
+    int k, exponent;
+    for (k = 0; k < 3; k++) {
+        if (!(vocc_abs(in[k]) <= DBL_MAX))
+            return 0;
+        largest = vocc_abs(in[k]) > largest ? vocc_abs(in[k]) : largest;
+    }
+    if (largest == 0.0)
+        return 0;
+    (void)frexp(largest, &exponent);
+    for (k = 0; k < 3; k++)
+        out[k] = ldexp(in[k], -exponent);
+    length = sqrt(vocc_dot(out, out));
+    for (k = 0; k < 3; k++)
+        out[k] /= length;
     return 1;
 }
 
-void vocc_light_target(const vocc_light *light, const vocc_tree *tree,
-                       const double reach[3], vocc_target *target)
+/* Two unit vectors at right angles to the unit vector w and to each other: Duff
+ * et al., "Building an Orthonormal Basis, Revisited", 2017. */
+static void make_frame(const double w[3], double u[3], double v[3])
+{
+    const double sign = w[2] < 0.0 ? -1.0 : 1.0, a = -1.0 / (sign + w[2]),
+                 b = w[0] * w[1] * a;
+    u[0] = 1.0 + sign * w[0] * w[0] * a;
+    u[1] = sign * b;
+    u[2] = -sign * w[0];
+    v[0] = b;
+    v[1] = sign + w[1] * w[1] * a;
+    v[2] = -w[1];
+}
+
+static vocc_status set_direction(vocc_emitter *e, const vocc_light *light,
+                                 size_t number, double most, vocc_error *error)
+{
+    double sine, unused;
+    if (!(light->angle >= 0.0 && light->angle <= most))
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights",
+                         (int64_t)number, light->angle,
+                         "lights[%zu].angle is %.10g: it has to be from 0 to "
+                         "%.10g radians",
+                         number, light->angle, most);
+    if (!normalize(light->direction, e->axis))
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights",
+                         (int64_t)number, light->direction[0],
+                         "lights[%zu].direction is (%g, %g, %g): it has to be "
+                         "finite and not 0",
+                         number, light->direction[0], light->direction[1],
+                         light->direction[2]);
+    make_frame(e->axis, e->axis_u, e->axis_v);
+    vocc_sincos_pi(0.5 * light->angle, &sine, &e->cosine);
+    vocc_sincos_pi(0.25 * light->angle, &sine, &unused);
+    e->chord = 2.0 * sine;
+    e->cap = 2.0 * sine * sine;
+    return VOCC_OK;
+}
+
+static vocc_status set_radius(vocc_emitter *e, const vocc_light *light,
+                              size_t number, vocc_error *error)
+{
+    e->radius = (double)(float)light->radius;
+    if (!(light->radius >= 0.0 && e->radius <= (double)FLT_MAX))
+        return bad_field(error, number, "radius", light->radius,
+                         "it has to be a finite float32 number, at least 0");
+    return VOCC_OK;
+}
+
+static vocc_status set_edges(vocc_emitter *e, const vocc_light *light,
+                             size_t number, vocc_error *error)
+{
+    vocc_status status =
+        round_vector(e->edge_u, light->edge_u, NULL, number, "edge_u", error);
+    double u[3], v[3];
+    int k;
+    if (status == VOCC_OK)
+        status = round_vector(e->edge_v, light->edge_v, NULL, number, "edge_v",
+                              error);
+    if (status != VOCC_OK)
+        return status;
+    for (k = 0; k < 3; k++) {
+        u[k] = (double)e->edge_u[k];
+        v[k] = (double)e->edge_v[k];
+        if (e->type == VOCC_LIGHT_RECT)
+            e->centre[k] += u[k] / 2.0 + v[k] / 2.0;
+    }
+    vocc_cross(u, v, e->plane);
+    e->one_sided = light->one_sided && vocc_dot(e->plane, e->plane) > 0.0;
+    return VOCC_OK;
+}
+
+vocc_status vocc_emitter_init(vocc_emitter *e, const vocc_light *light,
+                              size_t number, const double origin[3],
+                              vocc_error *error)
+{
+    vocc_status status = VOCC_OK;
+    int k;
+    memset(e, 0, sizeof *e);
+    if (light->type < VOCC_LIGHT_RECT || light->type > VOCC_LIGHT_SUN)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights",
+                         (int64_t)number, (double)light->type,
+                         "lights[%zu].type is %" PRId32
+                         ": it has to be from 0 to %d",
+                         number, light->type, VOCC_LIGHT_SUN);
+    e->type = light->type;
+    if (e->type != VOCC_LIGHT_SUN)
+        status = round_vector(e->position, light->position, origin, number,
+                              "position", error);
+    for (k = 0; k < 3; k++)
+        e->centre[k] = (double)e->position[k];
+    if (status != VOCC_OK)
+        return status;
+    switch (e->type) {
+    case VOCC_LIGHT_RECT:
+    case VOCC_LIGHT_DISK:
+        return set_edges(e, light, number, error);
+    case VOCC_LIGHT_SUN:
+        return set_direction(e, light, number, VOCC_PI, error);
+    case VOCC_LIGHT_SPOT:
+        status = set_direction(e, light, number, 2.0 * VOCC_PI, error);
+        return status == VOCC_OK ? set_radius(e, light, number, error) : status;
+    default:
+        return set_radius(e, light, number, error);
+    }
+}
+
+vocc_status vocc_emitter_hemisphere(vocc_emitter *e, double distance,
+                                    vocc_error *error)
+{
+    memset(e, 0, sizeof *e);
+    e->type = VOCC_LIGHT_HEMISPHERE;
+    e->distance = (float)distance;
+    if (!(e->distance > 0.0f))
+        return vocc_fail(
+            error, VOCC_ERROR_INVALID_ARGUMENT, "distance", -1, distance,
+            "distance is %.10g: it has to be above 0 in float32", distance);
+    return VOCC_OK;
+}
+
+/* ---- which side -------------------------------------------------------------
+ */
+
+/* The bounds of normal . (sample - point) over all samples, in double; what
+ * rounding may change in it is taken off and added. */
+static void heights(const vocc_emitter *e, const float point[3],
+                    const double n[3], double *low, double *high)
+{
+    const int is_sun = e->type == VOCC_LIGHT_SUN;
+    double centre = 0.0, reach = 0.0, size = 0.0, length = 0.0;
+    int k;
+    for (k = 0; k < 3; k++) {
+        const double p = is_sun ? 0.0 : (double)point[k];
+        centre += n[k] * (is_sun ? e->axis[k] : e->centre[k] - p);
+        length += vocc_abs(n[k]);
+        size += vocc_abs(e->centre[k]) + vocc_abs(p) +
+                vocc_abs((double)e->edge_u[k]) + vocc_abs((double)e->edge_v[k]);
+    }
+    size = length * (size + (is_sun ? 4.0 : e->radius));
+    switch (e->type) {
+    case VOCC_LIGHT_RECT:
+    case VOCC_LIGHT_DISK: {
+        double u = 0.0, v = 0.0;
+        for (k = 0; k < 3; k++) {
+            u += n[k] * (double)e->edge_u[k];
+            v += n[k] * (double)e->edge_v[k];
+        }
+        reach = e->type == VOCC_LIGHT_DISK ? sqrt(u * u + v * v)
+                                           : (vocc_abs(u) + vocc_abs(v)) / 2.0;
+        break;
+    }
+    case VOCC_LIGHT_SUN:
+        reach = e->chord * length;
+        break;
+    default:
+        reach = e->radius * length;
+    }
+    /* Samples and directions are rounded to float32, four times at most. */
+    reach += 0x1p-20 * size;
+    *low = centre - reach;
+    *high = centre + reach;
+}
+
+/* Whether the point is where a one-sided light or a spot's cone does not
+ * reach. */
+static int is_cut_off(const vocc_emitter *e, const float point[3])
+{
+    double to[3];
+    int k;
+    for (k = 0; k < 3; k++)
+        to[k] = (double)point[k] - e->centre[k];
+    if (e->one_sided)
+        return !(vocc_dot(e->plane, to) > 0.0);
+    if (e->type == VOCC_LIGHT_SPOT)
+        return !(vocc_dot(e->axis, to) >= e->cosine * sqrt(vocc_dot(to, to)));
+    return 0;
+}
+
+vocc_facing vocc_emitter_facing(const vocc_emitter *e, const float point[3],
+                                const double n[3], int32_t horizon)
+{
+    double low, high, unit[3];
+    int k;
+    if (e->type == VOCC_LIGHT_HEMISPHERE)
+        return normalize(n, unit) ? VOCC_FACING_ALL : VOCC_FACING_NONE;
+    if (is_cut_off(e, point))
+        return VOCC_FACING_NONE;
+    if (horizon == VOCC_HORIZON_CENTRE) {
+        double height = 0.0;
+        if (e->type == VOCC_LIGHT_SUN)
+            height = vocc_dot(n, e->axis);
+        else
+            for (k = 0; k < 3; k++)
+                height += n[k] * (e->centre[k] - (double)point[k]);
+        return height > 0.0 ? VOCC_FACING_ALL : VOCC_FACING_NONE;
+    }
+    heights(e, point, n, &low, &high);
+    if (low > 0.0)
+        return VOCC_FACING_ALL;
+    return high > 0.0 ? VOCC_FACING_PART : VOCC_FACING_NONE;
+}
+
+/* ---- samples ----------------------------------------------------------------
+ */
+
+void vocc_aim_init(vocc_aim *aim, const vocc_emitter *e, const float point[3],
+                   const double normal[3])
+{
+    int k;
+    aim->emitter = e;
+    memcpy(aim->point, point, sizeof aim->point);
+    memcpy(aim->normal, normal, sizeof aim->normal);
+    switch (e->type) {
+    case VOCC_LIGHT_SPHERE:
+    case VOCC_LIGHT_POINT:
+    case VOCC_LIGHT_SPOT: {
+        double to[3];
+        for (k = 0; k < 3; k++)
+            to[k] = e->centre[k] - (double)point[k];
+        aim->distance = sqrt(vocc_dot(to, to));
+        if (!normalize(to, aim->axis)) {
+            aim->axis[0] = aim->axis[1] = 0.0;
+            aim->axis[2] = 1.0;
+        }
+        make_frame(aim->axis, aim->axis_u, aim->axis_v);
+        if (e->type == VOCC_LIGHT_SPHERE && aim->distance > e->radius) {
+            const double sine = e->radius / aim->distance, square = sine * sine;
+            aim->cap = square / (1.0 + sqrt(1.0 - square));
+        } else {
+            aim->cap = 2.0; /* all around */
+        }
+        break;
+    }
+    case VOCC_LIGHT_HEMISPHERE:
+        normalize(normal, aim->axis);
+        make_frame(aim->axis, aim->axis_u, aim->axis_v);
+        break;
+    default:
+        break;
+    }
+}
+
+/* A unit direction of the cap around an axis, areas in proportion to those of
+ * the unit disk; 1 - cosine is up to `cap`.  Returns the cosine. */
+static double cap_point(double cap, double x, double y, const double axis[3],
+                        const double u[3], const double v[3], double out[3])
+{
+    const double lowered = cap * (x * x + y * y), left = 2.0 - lowered,
+                 wide = left > 0.0 ? sqrt(cap * left) : 0.0;
+    int k;
+    for (k = 0; k < 3; k++)
+        out[k] = (1.0 - lowered) * axis[k] + wide * (x * u[k] + y * v[k]);
+    return 1.0 - lowered;
+}
+
+float vocc_aim_ray_round(const vocc_aim *aim, float a, float b, float dir[3])
+{
+    const vocc_emitter *e = aim->emitter;
+    double x, y, to[3];
+    int k;
+    vocc_disk_point(a, b, &x, &y);
+    switch (e->type) {
+    case VOCC_LIGHT_DISK:
+        for (k = 0; k < 3; k++)
+            dir[k] = (float)(e->centre[k] + x * (double)e->edge_u[k] +
+                             y * (double)e->edge_v[k] - (double)aim->point[k]);
+        return 1.0f;
+    case VOCC_LIGHT_SPHERE: {
+        const double cosine = cap_point(aim->cap, x, y, aim->axis, aim->axis_u,
+                                        aim->axis_v, to),
+                     along = aim->distance * cosine,
+                     square = e->radius * e->radius -
+                              (aim->distance - along) * (aim->distance + along),
+                     half = square > 0.0 ? sqrt(square) : 0.0;
+        /* To where the direction meets the sphere first, or from inside. */
+        const double t =
+            aim->distance > e->radius ? along - half : along + half;
+        for (k = 0; k < 3; k++)
+            dir[k] = (float)(t * to[k]);
+        return 1.0f;
+    }
+    case VOCC_LIGHT_SUN:
+        (void)cap_point(e->cap, x, y, e->axis, e->axis_u, e->axis_v, to);
+        for (k = 0; k < 3; k++)
+            dir[k] = (float)to[k];
+        return INFINITY;
+    case VOCC_LIGHT_HEMISPHERE: {
+        const double square = 1.0 - x * x - y * y,
+                     z = square > 0.0 ? sqrt(square) : 0.0;
+        for (k = 0; k < 3; k++)
+            dir[k] = (float)(z * aim->axis[k] + x * aim->axis_u[k] +
+                             y * aim->axis_v[k]);
+        return e->distance;
+    }
+    default: /* POINT, SPOT */
+        x *= e->radius;
+        y *= e->radius;
+        for (k = 0; k < 3; k++)
+            dir[k] = (float)(e->centre[k] + x * aim->axis_u[k] +
+                             y * aim->axis_v[k] - (double)aim->point[k]);
+        return 1.0f;
+    }
+}
+
+static double height(const vocc_aim *aim, const float dir[3])
+{
+    const double d[3] = {(double)dir[0], (double)dir[1], (double)dir[2]};
+    return vocc_dot(aim->normal, d);
+}
+
+int vocc_aim_is_above(const vocc_aim *aim, const float dir[3])
+{
+    return height(aim, dir) > 0.0;
+}
+
+double vocc_aim_weight(const vocc_aim *aim, const float dir[3])
+{
+    const vocc_emitter *e = aim->emitter;
+    const double d[3] = {(double)dir[0], (double)dir[1], (double)dir[2]},
+                 square = vocc_dot(d, d), cosine = height(aim, dir);
+    double at_light;
+    if (!(cosine > 0.0))
+        return 0.0;
+    switch (e->type) {
+    case VOCC_LIGHT_SPHERE:
+    case VOCC_LIGHT_SUN:
+        return cosine / sqrt(square);
+    case VOCC_LIGHT_RECT:
+    case VOCC_LIGHT_DISK:
+        at_light = vocc_abs(vocc_dot(e->plane, d));
+        if (at_light == 0.0) /* a line, a point, or seen from the edge */
+            at_light = sqrt(square);
+        break;
+    default:
+        at_light = vocc_abs(vocc_dot(aim->axis, d));
+    }
+    return cosine * at_light / (square * square);
+}
+
+/* ---- what the rays end on ---------------------------------------------------
+ */
+
+/* Corner i of a convex hull of the light, on axis k. */
+static double hull_corner(const vocc_emitter *e, int i, int k)
+{
+    const double p = (double)e->position[k], u = (double)e->edge_u[k],
+                 v = (double)e->edge_v[k];
+    switch (e->type) {
+    case VOCC_LIGHT_RECT:
+        return p + (i & 1 ? u : 0.0) + (i & 2 ? v : 0.0);
+    case VOCC_LIGHT_DISK:
+        return p + (i & 1 ? u : -u) + (i & 2 ? v : -v);
+    case VOCC_LIGHT_SUN:
+        /* A box along the axes of the cap, which is `cap` high and less than
+         * `chord` wide to each side. */
+        return e->axis[k] * (i & 4 ? 1.0 : 1.0 - e->cap) +
+               e->chord * ((i & 1 ? e->axis_u[k] : -e->axis_u[k]) +
+                           (i & 2 ? e->axis_v[k] : -e->axis_v[k]));
+    default:
+        return p + (i >> k & 1 ? e->radius : -e->radius);
+    }
+}
+
+/* How far an end, org + dir, may be outside of the hull on axis k.  With u =
+ * 2^-24: a and b of a RECT may be 2 u more than 1, a point has four roundings
+ * of numbers up to `size`, the direction to it one of numbers up to size +
+ * reach: org + dir is off by less than 8 u of the latter, and corners are
+ * rounded to float32 by less than as much again.  Other shapes are computed in
+ * double from all axes, and rounded once on each. */
+static double end_error(const vocc_emitter *e, const double reach[3], int k)
+{
+    double size = 0.0;
+    int i;
+    if (e->type == VOCC_LIGHT_SUN)
+        return 0x1p-21 * 4.0;
+    for (i = 0; i < 3; i++)
+        if (i == k || e->type != VOCC_LIGHT_RECT)
+            size += vocc_abs((double)e->position[i]) +
+                    vocc_abs((double)e->edge_u[i]) +
+                    vocc_abs((double)e->edge_v[i]) + e->radius + reach[i];
+    return 0x1p-21 * size + 0x1p-140;
+}
+
+void vocc_emitter_target(const vocc_emitter *e, const vocc_tree *tree,
+                         const double reach[3], vocc_target *target)
 {
     int k, i;
+    target->is_direction = e->type == VOCC_LIGHT_SUN;
+    target->corners =
+        e->type == VOCC_LIGHT_RECT || e->type == VOCC_LIGHT_DISK ? 4 : 8;
     target->slack = 0.0;
     for (k = 0; k < 3; k++) {
-        const double p = (double)light->corner[k], u = (double)light->edge_u[k],
-                     v = (double)light->edge_v[k];
-        /* With u = 2^-24: a and b may be 2 u more than 1, a point has four
-         * roundings of numbers up to `size`, the direction to it one of numbers
-         * up to size + reach: org + dir is off by less than 8 u of the latter,
-         * and corners are rounded to float32 by less than as much again. */
-        const double size = vocc_abs(p) + vocc_abs(u) + vocc_abs(v);
-        const double margin = 0x1p-21 * (size + reach[k]) + 0x1p-140;
-        target->lower[k] =
-            p + (u < 0.0 ? u : 0.0) + (v < 0.0 ? v : 0.0) - margin;
-        target->upper[k] =
-            p + (u > 0.0 ? u : 0.0) + (v > 0.0 ? v : 0.0) + margin;
-        target->slack =
-            2.0 * margin > target->slack ? 2.0 * margin : target->slack;
-        for (i = 0; i < 4; i++)
-            target->corner[i][k] =
-                (float)(p + (i & 1 ? u : 0.0) + (i & 2 ? v : 0.0));
+        const double error = end_error(e, reach, k);
+        for (i = 0; i < target->corners; i++) {
+            const double value = hull_corner(e, i, k);
+            target->corner[i][k] = (float)value;
+            if (i == 0 || value < target->lower[k])
+                target->lower[k] = value;
+            if (i == 0 || value > target->upper[k])
+                target->upper[k] = value;
+        }
+        target->lower[k] -= error;
+        target->upper[k] += error;
+        if (2.0 * error > target->slack)
+            target->slack = 2.0 * error;
     }
-    if (!vocc_locate_box(tree, target->lower, target->upper, &target->region))
+    if (target->is_direction)
+        target->region = 0;
+    else if (!vocc_locate_box(tree, target->lower, target->upper,
+                              &target->region))
         target->region = VOCC_END_UNKNOWN;
 }

@@ -1,41 +1,101 @@
-/* Area lights: their points, the side they are on, the region they lie in. */
+/* Lights: their samples as seen from a point, the side they are on, the region
+ * they lie in.  The hemisphere of ambient occlusion is one, too. */
 #ifndef VOCC_LIGHT_H
 #define VOCC_LIGHT_H
 
 #include "kdtree.h"
 #include "platform.h"
-#include "sampler.h"
 #include "shaft.h"
 #include "vocc.h"
 
-/* A rectangle in the scene's float32 coordinates. */
-typedef struct vocc_light {
-    float corner[3], edge_u[3], edge_v[3];
+/* Beside the types of vocc_light_type. */
+enum { VOCC_LIGHT_HEMISPHERE = VOCC_LIGHT_SUN + 1 };
+
+/* A light in the scene's coordinates; of the fields, those that its type needs
+ * are set. */
+typedef struct vocc_emitter {
+    int type, one_sided;
+    float position[3], edge_u[3], edge_v[3];
     double centre[3];
-} vocc_light;
+    double plane[3]; /* edge_u x edge_v; 0 if it has no area */
+    double radius;   /* float32 */
+    /* SPOT: where its cone points, its cosine.  SUN: where it is, the axes of
+     * its disk. */
+    double axis[3], axis_u[3], axis_v[3], cosine;
+    double cap;     /* SUN: 1 - cosine of half its angle */
+    double chord;   /* SUN: the distance from the axis to a unit direction */
+    float distance; /* HEMISPHERE */
+} vocc_emitter;
 
-/* Moves the light by the scene's origin and rounds it.  Returns 0, and the
- * value given in *bad, if one is not a finite float32 then. */
-VOCC_INTERNAL int vocc_light_init(vocc_light *light,
-                                  const vocc_rect_light *source,
-                                  const double origin[3], double *bad);
+/* A light as seen from one point. */
+typedef struct vocc_aim {
+    const vocc_emitter *emitter;
+    float point[3];
+    double normal[3];
+    double axis[3], axis_u[3], axis_v[3];
+    double distance, cap; /* SPHERE */
+} vocc_aim;
 
-/* Point (a, b): fl(fl(corner + fl(a * u)) + fl(b * v)). */
-VOCC_INLINE void vocc_light_point(const vocc_light *light, float a, float b,
-                                  float point[3])
+typedef enum vocc_facing {
+    VOCC_FACING_NONE, /* no sample can light the surface */
+    VOCC_FACING_PART, /* some samples may not be above it */
+    VOCC_FACING_ALL   /* all are */
+} vocc_facing;
+
+/* Moves the light by the scene's origin and rounds it.  Fails:
+ * INVALID_ARGUMENT, with the light's number as the index. */
+VOCC_INTERNAL vocc_status vocc_emitter_init(vocc_emitter *emitter,
+                                            const vocc_light *light,
+                                            size_t number,
+                                            const double origin[3],
+                                            vocc_error *error);
+
+/* The hemisphere of a point's normal, up to a distance.  Fails:
+ * INVALID_ARGUMENT. */
+VOCC_INTERNAL vocc_status vocc_emitter_hemisphere(vocc_emitter *emitter,
+                                                  double distance,
+                                                  vocc_error *error);
+
+/* How the light lies to the surface at a point; NONE if a value is NaN. */
+VOCC_INTERNAL vocc_facing vocc_emitter_facing(const vocc_emitter *emitter,
+                                              const float point[3],
+                                              const double normal[3],
+                                              int32_t horizon);
+
+VOCC_INTERNAL void vocc_aim_init(vocc_aim *aim, const vocc_emitter *emitter,
+                                 const float point[3], const double normal[3]);
+
+/* The same for what is not a RECT. */
+VOCC_INTERNAL float vocc_aim_ray_round(const vocc_aim *aim, float a, float b,
+                                       float dir[3]);
+
+/* The ray to sample (a, b): dir, and its tmax (1, infinity, a distance). */
+VOCC_INLINE float vocc_aim_ray(const vocc_aim *aim, float a, float b,
+                               float dir[3])
 {
+    const vocc_emitter *e = aim->emitter;
     int k;
+    if (e->type != VOCC_LIGHT_RECT)
+        return vocc_aim_ray_round(aim, a, b, dir);
     for (k = 0; k < 3; k++)
-        point[k] =
-            (light->corner[k] + a * light->edge_u[k]) + b * light->edge_v[k];
+        dir[k] = ((e->position[k] + a * e->edge_u[k]) + b * e->edge_v[k]) -
+                 aim->point[k];
+    return 1.0f;
 }
+
+/* Whether a ray leaves the surface on the normal's side. */
+VOCC_INTERNAL int vocc_aim_is_above(const vocc_aim *aim, const float dir[3]);
+
+/* What the light of that sample would add to the irradiance, in a unit that
+ * depends on light and point. */
+VOCC_INTERNAL double vocc_aim_weight(const vocc_aim *aim, const float dir[3]);
 
 /* What every ray from a point with |coordinates| up to reach[] to the light
  * ends on.  Its region is VOCC_END_UNKNOWN if triangles are too near to the
- * light to name one for all. */
-VOCC_INTERNAL void vocc_light_target(const vocc_light *light,
-                                     const vocc_tree *tree,
-                                     const double reach[3],
-                                     vocc_target *target);
+ * light to name one for all.  Not for a HEMISPHERE. */
+VOCC_INTERNAL void vocc_emitter_target(const vocc_emitter *emitter,
+                                       const vocc_tree *tree,
+                                       const double reach[3],
+                                       vocc_target *target);
 
 #endif

@@ -83,12 +83,9 @@ vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
                              const vocc_query_options *options, size_t jobs,
                              vocc_error *error)
 {
-    vocc_status status;
-    if (!scene)
-        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "scene", -1,
-                         (double)NAN, "scene: NULL");
-    if (!scene->is_built)
-        return vocc_fail_plain(error, VOCC_ERROR_NOT_BUILT);
+    vocc_status status = vocc_check_built(scene, error);
+    if (status != VOCC_OK)
+        return status;
     query->scene = scene;
     vocc_query_options_init(&query->options);
     if (options) {

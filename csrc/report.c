@@ -10,11 +10,9 @@
 static vocc_status check(const vocc_scene *scene, const void *out,
                          const char *argument, vocc_error *error)
 {
-    if (!scene)
-        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "scene", -1,
-                         (double)NAN, "scene: NULL");
-    if (!scene->is_built)
-        return vocc_fail_plain(error, VOCC_ERROR_NOT_BUILT);
+    const vocc_status status = vocc_check_built(scene, error);
+    if (status != VOCC_OK)
+        return status;
     if (!out)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, argument, -1,
                          (double)NAN, "%s: NULL", argument);

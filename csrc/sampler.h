@@ -1,9 +1,10 @@
-/* Stratified, jittered samples that any program can repeat: integers, and one
+/* Samples of the unit square that any program can repeat: integers, and one
  * float32 rounding an operation. */
 #ifndef VOCC_SAMPLER_H
 #define VOCC_SAMPLER_H
 
 #include "platform.h"
+#include "vocc.h"
 
 /* A permutation of 32-bit numbers: Wellons, "Prospecting for Hash Functions",
  * 2018 (lowbias32). */
@@ -17,73 +18,78 @@ VOCC_INLINE uint32_t vocc_hash32(uint32_t x)
     return x;
 }
 
-/* nu x nv strata: nv is the largest divisor of `samples` up to its root. */
-typedef struct vocc_strata {
-    uint32_t samples, nu, nv;
-    float width, height; /* 1 / nu, 1 / nv */
-} vocc_strata;
-
-VOCC_INLINE vocc_strata vocc_make_strata(uint32_t samples)
-{
-    vocc_strata s;
-    uint32_t nv = 1, n;
-    for (n = 1; n <= samples / n; n++)
-        if (samples % n == 0)
-            nv = n;
-    s.samples = samples;
-    s.nu = samples / nv;
-    s.nv = nv;
-    s.width = 1.0f / (float)s.nu;
-    s.height = 1.0f / (float)nv;
-    return s;
-}
-
-/* A sample and the lower corner of its stratum, in strata. */
-typedef struct vocc_stratum {
+/* A sample's place in the pattern, before a point's own jitter or scrambling.
+ */
+typedef struct vocc_place {
     uint32_t sample;
-    float column, row;
-} vocc_stratum;
+    float column, row; /* JITTER: lower corner of its stratum, in strata */
+    uint32_t x, y;     /* SOBOL: coordinates in 2^-32, bits reversed */
+} vocc_place;
 
-VOCC_INLINE void vocc_set_stratum(const vocc_strata *strata, uint32_t sample,
-                                  vocc_stratum *out)
+typedef struct vocc_pattern {
+    int32_t sampler;
+    uint32_t samples;
+    float width, height; /* of a stratum */
+    vocc_place *places;  /* in the order of tracing: four in a row are near to
+                            each other, packets of them are narrow */
+} vocc_pattern;
+
+/* 1 to 65534 samples.  0: out of memory; to be freed in either case. */
+VOCC_INTERNAL int vocc_pattern_init(vocc_pattern *pattern,
+                                    const vocc_allocator *allocator,
+                                    int32_t sampler, uint32_t samples);
+
+VOCC_INTERNAL void vocc_pattern_free(vocc_pattern *pattern,
+                                     const vocc_allocator *allocator);
+
+VOCC_INLINE uint32_t vocc_reverse_bits(uint32_t x)
 {
-    out->sample = sample;
-    out->column = (float)(sample % strata->nu);
-    out->row = (float)(sample / strata->nu);
+    x = (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
+    x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
+    x = (x >> 4 & 0x0F0F0F0Fu) | (x & 0x0F0F0F0Fu) << 4;
+    x = (x >> 8 & 0x00FF00FFu) | (x & 0x00FF00FFu) << 8;
+    return x >> 16 | x << 16;
 }
 
-/* Lists the samples so that four in a row are neighbours, 2 x 2 where they can
- * be: packets of them are narrow.  order[] has room for all. */
-VOCC_INLINE void vocc_order_samples(const vocc_strata *strata,
-                                    vocc_stratum *order)
+/* Owen's scrambling of a number whose bits are reversed, as a hash in which
+ * bits depend on lower ones only: Laine and Karras, "Stratified Sampling for
+ * Stochastic Transparency", 2011; Burley, "Practical Hash-based Owen
+ * Scrambling", 2020; constants by Vegdahl, 2021. */
+VOCC_INLINE uint32_t vocc_scramble(uint32_t x, uint32_t seed)
 {
-    const uint32_t nu = strata->nu, nv = strata->nv;
-    uint32_t i, j, n = 0;
-    for (j = 0; j + 1 < nv; j += 2)
-        for (i = 0; i + 1 < nu; i += 2) {
-            vocc_set_stratum(strata, j * nu + i, &order[n++]);
-            vocc_set_stratum(strata, j * nu + i + 1, &order[n++]);
-            vocc_set_stratum(strata, (j + 1) * nu + i, &order[n++]);
-            vocc_set_stratum(strata, (j + 1) * nu + i + 1, &order[n++]);
-        }
-    /* What an odd width or height leaves over. */
-    for (j = 0; nu % 2 && j < (nv & ~1u); j++)
-        vocc_set_stratum(strata, j * nu + nu - 1, &order[n++]);
-    for (i = 0; nv % 2 && i < nu; i++)
-        vocc_set_stratum(strata, (nv - 1) * nu + i, &order[n++]);
+    x ^= x * 0x3D20ADEAu;
+    x += seed;
+    x *= seed >> 16 | 1u;
+    x ^= x * 0x05526C56u;
+    x ^= x * 0x53A22864u;
+    return x;
 }
 
-/* Point (a, b) of the unit square, of a sample of a light at a point. */
-VOCC_INLINE void vocc_sample(const vocc_strata *strata, uint32_t point_id,
-                             uint32_t light, const vocc_stratum *stratum,
-                             float *a, float *b)
+/* What the samples of a light at a point have in common. */
+VOCC_INLINE uint32_t vocc_sample_seed(uint32_t point_id, uint32_t light)
 {
-    const uint32_t h =
-        vocc_hash32(point_id * 2048u + light * 256u + stratum->sample);
-    const float u = (float)(int32_t)(h & 0xFFFFu) * (1.0f / 65536.0f),
-                v = (float)(int32_t)(h >> 16) * (1.0f / 65536.0f);
-    *a = (stratum->column + u) * strata->width;
-    *b = (stratum->row + v) * strata->height;
+    return vocc_hash32(point_id ^ vocc_hash32(light ^ 0x9E3779B9u));
+}
+
+/* Point (a, b) of the unit square, 0 <= a, b < 1 (JITTER: up to rounding). */
+VOCC_INLINE void vocc_sample(const vocc_pattern *pattern, uint32_t point_id,
+                             uint32_t light, uint32_t seed,
+                             const vocc_place *place, float *a, float *b)
+{
+    if (pattern->sampler == VOCC_SAMPLER_JITTER) {
+        const uint32_t h =
+            vocc_hash32(point_id * 2048u + light * 256u + place->sample);
+        const float u = (float)(int32_t)(h & 0xFFFFu) * (1.0f / 65536.0f),
+                    v = (float)(int32_t)(h >> 16) * (1.0f / 65536.0f);
+        *a = (place->column + u) * pattern->width;
+        *b = (place->row + v) * pattern->height;
+    } else {
+        const uint32_t x = vocc_reverse_bits(vocc_scramble(place->x, seed)),
+                       y = vocc_reverse_bits(
+                           vocc_scramble(place->y, vocc_hash32(seed)));
+        *a = (float)(int32_t)(x >> 8) * 0x1p-24f;
+        *b = (float)(int32_t)(y >> 8) * 0x1p-24f;
+    }
 }
 
 #endif

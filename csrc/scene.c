@@ -550,3 +550,12 @@ void vocc_scene_triangle(const vocc_scene *scene, uint32_t id, int32_t *geom_id,
     *geom_id = (int32_t)m;
     *prim_id = (int32_t)(id - first[m]);
 }
+
+vocc_status vocc_check_built(const vocc_scene *scene, vocc_error *error)
+{
+    if (!scene)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "scene", -1,
+                         (double)NAN, "scene: NULL");
+    return scene->is_built ? VOCC_OK
+                           : vocc_fail_plain(error, VOCC_ERROR_NOT_BUILT);
+}

@@ -49,4 +49,8 @@ VOCC_INLINE vocc_solids vocc_scene_solids(const vocc_scene *scene)
 VOCC_INTERNAL void vocc_scene_triangle(const vocc_scene *scene, uint32_t id,
                                        int32_t *geom_id, int32_t *prim_id);
 
+/* Fails: INVALID_ARGUMENT (NULL), NOT_BUILT. */
+VOCC_INTERNAL vocc_status vocc_check_built(const vocc_scene *scene,
+                                           vocc_error *error);
+
 #endif

@@ -1,4 +1,5 @@
-/* How many samples of each light each point sees. */
+/* How many samples of each light each point sees; ambient occlusion is a light
+ * that is a hemisphere. */
 #include "array.h"
 #include "light.h"
 #include "memory.h"
@@ -8,6 +9,7 @@
 #include "status.h"
 #include "tile.h"
 #include "vec3.h"
+#include "walk.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -16,12 +18,22 @@
 typedef struct shadow {
     vocc_query query;
     vocc_points points;
-    const vocc_light *lights;
+    const vocc_emitter *lights;
     size_t light_count;
-    vocc_strata strata;
-    vocc_stratum *order; /* in which the samples are traced */
+    vocc_pattern pattern;
+    int32_t horizon;
     uint16_t *visible;
+    float *irradiance;    /* NULL: not wanted */
+    uint8_t *blocked;     /* NULL, or a bit for each sample */
+    size_t blocked_bytes; /* for each point and light */
 } shadow;
+
+/* What a point's rays have come to. */
+typedef struct tally {
+    uint32_t blocked; /* samples */
+    uint32_t below;   /* those of them that are below the surface */
+    double open, all; /* weights, for irradiance */
+} tally;
 
 /* One light at the points of a tile, under way. */
 typedef struct lighting {
@@ -30,11 +42,14 @@ typedef struct lighting {
     const vocc_worker *worker;
     const vocc_tile *t;
     size_t number; /* of the light */
-    const vocc_light *light;
+    const vocc_emitter *light;
     vocc_target target;
-    uint16_t lit[VOCC_TILE_POINTS]; /* the points that face the light */
-    uint16_t owner[VOCC_BLOCK];     /* the point of each ray of the block */
-    uint32_t blocked[VOCC_TILE_POINTS];
+    uint16_t lit[VOCC_TILE_POINTS];  /* the points that face the light */
+    uint16_t part[VOCC_TILE_POINTS]; /* those that may face a part of it only */
+    tally tallies[VOCC_TILE_POINTS];
+    uint16_t owner[VOCC_BLOCK]; /* the point of each ray of the block */
+    uint16_t sample[VOCC_BLOCK];
+    double weight[VOCC_BLOCK];
     /* Triangles that the rays can meet; NULL: all below the entry node. */
     const uint32_t *among;
     int among_count;
@@ -61,15 +76,24 @@ static vocc_status poll(lighting *g, uint64_t rays)
                                                      : VOCC_OK;
 }
 
-/* Whether the light's centre is above the surface; not so if a value is NaN. */
-static int faces(const vocc_tile *t, size_t i, const vocc_light *light)
+/* The bits of a point's samples; NULL if there are none. */
+static uint8_t *bits_of(const lighting *g, size_t which)
 {
-    const double *n = t->normal[i];
-    const float *p = t->point[i];
-    return n[0] * (light->centre[0] - (double)p[0]) +
-               n[1] * (light->centre[1] - (double)p[1]) +
-               n[2] * (light->centre[2] - (double)p[2]) >
-           0.0;
+    const shadow *s = g->s;
+    return s->blocked ? s->blocked + (g->number * s->points.count +
+                                      g->t->number[which]) *
+                                         s->blocked_bytes
+                      : NULL;
+}
+
+static int is_blocked(const uint8_t *bits, uint32_t sample)
+{
+    return bits && (bits[sample / 8] >> sample % 8 & 1);
+}
+
+static void set_blocked(uint8_t *bits, uint32_t sample)
+{
+    bits[sample / 8] = (uint8_t)(bits[sample / 8] | 1u << sample % 8);
 }
 
 static vocc_status trace_block(lighting *g)
@@ -83,33 +107,76 @@ static vocc_status trace_block(lighting *g)
     else
         g->s->query.kernels->occluded(g->worker->tracer, block);
     for (i = 0; i < rays; i++)
-        g->blocked[g->owner[i]] += block->occluded[i];
+        g->tallies[g->owner[i]].blocked += block->occluded[i];
+    if (g->s->irradiance)
+        for (i = 0; i < rays; i++)
+            if (!block->occluded[i])
+                g->tallies[g->owner[i]].open += g->weight[i];
+    if (g->s->blocked)
+        for (i = 0; i < rays; i++)
+            if (block->occluded[i])
+                set_blocked(bits_of(g, g->owner[i]), g->sample[i]);
     block->count = 0;
     return poll(g, rays);
 }
 
-/* All samples at one point. */
-static vocc_status trace_point(lighting *g, uint16_t which)
+/* The region that every ray from the point ends in, or that the point is in:
+ * an occluder of another region blocks the rays in either case. */
+static int32_t certain_region(const lighting *g, const float point[3])
+{
+    static const double exactly[3] = {0.0, 0.0, 0.0};
+    const double p[3] = {(double)point[0], (double)point[1], (double)point[2]};
+    int32_t region;
+    if (g->target.region >= 0)
+        return g->target.region;
+    return vocc_locate(g->worker->tracer->tree, p, exactly, &region)
+               ? region
+               : VOCC_END_UNKNOWN;
+}
+
+/* All samples at one point; only those above the surface, if part_only. */
+static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
 {
     const shadow *s = g->s;
     const float *const point = g->t->point[which];
+    const uint32_t id = g->t->id[which], number = (uint32_t)g->number,
+                   seed = vocc_sample_seed(id, number);
+    const int32_t region = certain_region(g, point);
+    const uint8_t *const bits = bits_of(g, which);
     vocc_block *block = g->worker->block;
-    uint32_t sample;
+    tally *sum = &g->tallies[which];
+    vocc_aim aim;
+    uint32_t i;
     int k;
-    for (sample = 0; sample < s->strata.samples; sample++) {
-        const size_t r = block->count++;
-        float a, b, p[3];
-        vocc_sample(&s->strata, g->t->id[which], (uint32_t)g->number,
-                    &s->order[sample], &a, &b);
-        vocc_light_point(g->light, a, b, p);
+    vocc_aim_init(&aim, g->light, point, g->t->normal[which]);
+    for (i = 0; i < s->pattern.samples; i++) {
+        const vocc_place *place = &s->pattern.places[i];
+        const size_t r = block->count;
+        float a, b, dir[3];
+        vocc_sample(&s->pattern, id, number, seed, place, &a, &b);
+        block->tmax[r] = vocc_aim_ray(&aim, a, b, dir);
+        if (part_only && !vocc_aim_is_above(&aim, dir)) {
+            sum->below++;
+            sum->blocked++;
+            continue;
+        }
+        if (s->irradiance) {
+            g->weight[r] = vocc_aim_weight(&aim, dir);
+            sum->all += g->weight[r];
+        }
+        if (is_blocked(bits, place->sample)) {
+            sum->blocked++;
+            continue;
+        }
         for (k = 0; k < 3; k++) {
             block->org[k][r] = point[k];
-            block->dir[k][r] = p[k] - point[k];
+            block->dir[k][r] = dir[k];
         }
         block->tmin[r] = 0.0f;
-        block->tmax[r] = 1.0f;
-        block->end_region[r] = g->target.region;
+        block->end_region[r] = region;
         g->owner[r] = which;
+        g->sample[r] = (uint16_t)place->sample;
+        block->count++;
         if (block->count == VOCC_BLOCK) {
             const vocc_status status = trace_block(g);
             if (status != VOCC_OK)
@@ -119,7 +186,32 @@ static vocc_status trace_point(lighting *g, uint16_t which)
     return VOCC_OK;
 }
 
-static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
+/* The weights of a point whose samples need no tracing. */
+static void weigh_point(lighting *g, uint16_t which)
+{
+    const shadow *s = g->s;
+    const uint32_t id = g->t->id[which], number = (uint32_t)g->number,
+                   seed = vocc_sample_seed(id, number);
+    const uint8_t *const bits = bits_of(g, which);
+    tally *sum = &g->tallies[which];
+    vocc_aim aim;
+    uint32_t i;
+    vocc_aim_init(&aim, g->light, g->t->point[which], g->t->normal[which]);
+    for (i = 0; i < s->pattern.samples; i++) {
+        const vocc_place *place = &s->pattern.places[i];
+        float a, b, dir[3];
+        double weight;
+        vocc_sample(&s->pattern, id, number, seed, place, &a, &b);
+        (void)vocc_aim_ray(&aim, a, b, dir);
+        weight = vocc_aim_weight(&aim, dir);
+        sum->all += weight;
+        if (!is_blocked(bits, place->sample))
+            sum->open += weight;
+    }
+}
+
+static vocc_status trace_points(lighting *g, const uint16_t *which,
+                                size_t count, int part_only)
 {
     uint32_t *const steps = g->s->query.options.point_steps;
     const uint64_t *const visits = &g->worker->tracer->counters.node_visits;
@@ -127,7 +219,7 @@ static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
     size_t i;
     for (i = 0; i < count && status == VOCC_OK; i++) {
         const uint64_t before = *visits;
-        status = trace_point(g, which[i]);
+        status = trace_point(g, which[i], part_only);
         /* Packets of this point only. */
         if (steps && status == VOCC_OK)
             status = trace_block(g);
@@ -135,6 +227,11 @@ static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
             steps[g->t->number[which[i]]] += (uint32_t)(*visits - before);
     }
     return status == VOCC_OK ? trace_block(g) : status;
+}
+
+static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
+{
+    return trace_points(g, which, count, 0);
 }
 
 /* ---- groups of points -------------------------------------------------------
@@ -158,8 +255,8 @@ static vocc_status walk_group(lighting *g, const uint16_t *which, size_t count,
     vocc_tracer *tracer = g->worker->tracer;
     const vocc_counters *const c = &tracer->counters;
     const uint64_t before = c->entry_steps + c->entry_tests;
-    const uint32_t samples = g->s->strata.samples < MOST_SAMPLES
-                                 ? g->s->strata.samples
+    const uint32_t samples = g->s->pattern.samples < MOST_SAMPLES
+                                 ? g->s->pattern.samples
                                  : MOST_SAMPLES;
     *found = VOCC_SHAFT_MANY;
     tracer->counters.entry_searches++;
@@ -176,18 +273,32 @@ static vocc_status walk_group(lighting *g, const uint16_t *which, size_t count,
                            STEPS_LIKE_A_RAY);
 }
 
-/* All rays of the group are lit, or all dark. */
+/* All rays of the group are lit, or all dark, but for those that are blocked
+ * already.  Returns the number of the others. */
 static uint64_t settle_group(lighting *g, const uint16_t *which, size_t count,
                              int dark)
 {
-    const uint32_t samples = g->s->strata.samples;
-    const uint64_t rays = (uint64_t)count * samples;
+    const uint32_t samples = g->s->pattern.samples;
+    uint64_t rays = (uint64_t)count * samples;
     size_t i;
+    uint32_t k;
+    for (i = 0; i < count && g->s->blocked; i++) {
+        uint8_t *const bits = bits_of(g, which[i]);
+        for (k = 0; k < samples; k++)
+            if (is_blocked(bits, k)) {
+                g->tallies[which[i]].blocked++;
+                rays--;
+            } else if (dark) {
+                set_blocked(bits, k);
+            }
+        if (!dark && g->s->irradiance && g->tallies[which[i]].blocked)
+            weigh_point(g, which[i]);
+    }
     g->worker->tracer->counters.rays += rays;
     if (dark) {
         g->worker->tracer->counters.occluded += rays;
         for (i = 0; i < count; i++)
-            g->blocked[which[i]] = samples;
+            g->tallies[which[i]].blocked = samples;
     }
     return rays;
 }
@@ -208,7 +319,7 @@ static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
         counters->entry_dark_rays += settle_group(g, which, count, 1);
         break;
     case VOCC_SHAFT_FEW:
-        counters->entry_few_rays += (uint64_t)count * g->s->strata.samples;
+        counters->entry_few_rays += (uint64_t)count * g->s->pattern.samples;
         g->among = g->walk.triangles;
         g->among_count = g->walk.count;
         status = trace_group(g, which, count);
@@ -310,32 +421,73 @@ static vocc_status light_voxels(lighting *g, const uint16_t *which,
     return status;
 }
 
+static void store_point(const lighting *g, size_t which)
+{
+    const shadow *s = g->s;
+    const tally *sum = &g->tallies[which];
+    const size_t at = g->number * s->points.count + g->t->number[which];
+    const uint32_t samples = s->pattern.samples;
+    if (sum->below == samples)
+        return;
+    if (s->visible)
+        s->visible[at] = (uint16_t)(samples - sum->blocked);
+    if (s->irradiance) {
+        const double share = sum->open / sum->all;
+        if (sum->blocked == sum->below)
+            s->irradiance[at] = 1.0f;
+        else if (sum->blocked == samples)
+            s->irradiance[at] = 0.0f;
+        else /* weights may be too small or too large for a sum */
+            s->irradiance[at] = share >= 0.0
+                                    ? (float)share
+                                    : (float)(samples - sum->blocked) /
+                                          (float)(samples - sum->below);
+    }
+}
+
 /* One light at all points of a tile. */
 static vocc_status light_tile(lighting *g, size_t l)
 {
     const shadow *s = g->s;
     const vocc_tile *t = g->t;
-    uint16_t *visible = s->visible + l * s->points.count;
+    const size_t first = l * s->points.count;
     vocc_status status;
-    size_t i, count = 0;
+    size_t i, count = 0, part_count = 0;
     g->number = l;
     g->light = &s->lights[l];
-    vocc_light_target(g->light, g->worker->tracer->tree, t->reach, &g->target);
-    memset(g->blocked, 0, sizeof g->blocked);
+    if (g->light->type == VOCC_LIGHT_HEMISPHERE)
+        g->target.region =
+            vocc_finitef(g->light->distance) ? VOCC_END_UNKNOWN : 0;
+    else
+        vocc_emitter_target(g->light, g->worker->tracer->tree, t->reach,
+                            &g->target);
+    memset(g->tallies, 0, sizeof g->tallies);
     vocc_tracer_forget(g->worker->tracer);
     g->walk.box_count = 0;
-    for (i = 0; i < t->count + t->unused; i++)
-        visible[t->number[i]] = VOCC_NOT_TRACED;
-    for (i = 0; i < t->count; i++)
-        if (faces(t, i, g->light))
+    for (i = 0; i < t->count + t->unused; i++) {
+        if (s->visible)
+            s->visible[first + t->number[i]] = VOCC_NOT_TRACED;
+        if (s->irradiance)
+            s->irradiance[first + t->number[i]] = NAN;
+    }
+    for (i = 0; i < t->count; i++) {
+        const vocc_facing facing = vocc_emitter_facing(
+            g->light, t->point[i], t->normal[i], s->horizon);
+        if (facing == VOCC_FACING_ALL)
             g->lit[count++] = (uint16_t)i;
+        else if (facing == VOCC_FACING_PART)
+            g->part[part_count++] = (uint16_t)i;
+    }
     status = poll(g, t->count / STEPS_LIKE_A_RAY);
     if (status == VOCC_OK)
         status = s->query.options.voxels ? light_voxels(g, g->lit, count)
                                          : light_points(g, g->lit, count);
+    if (status == VOCC_OK)
+        status = trace_points(g, g->part, part_count, 1);
     for (i = 0; i < count; i++)
-        visible[t->number[g->lit[i]]] =
-            (uint16_t)(s->strata.samples - g->blocked[g->lit[i]]);
+        store_point(g, g->lit[i]);
+    for (i = 0; i < part_count; i++)
+        store_point(g, g->part[i]);
     return status;
 }
 
@@ -362,100 +514,187 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     return status;
 }
 
-/* ---- the call ---------------------------------------------------------------
+/* ---- the calls --------------------------------------------------------------
  */
 
-static vocc_status check_shadow(const shadow *s, const vocc_rect_light *lights,
-                                int32_t samples, vocc_error *error)
+void vocc_sampling_init(vocc_sampling *sampling)
 {
-    const vocc_points *p = &s->points;
+    memset(sampling, 0, sizeof *sampling);
+    sampling->size = (uint32_t)sizeof *sampling;
+    sampling->samples = 16;
+    sampling->sampler = VOCC_SAMPLER_SOBOL;
+    sampling->horizon = VOCC_HORIZON_SAMPLE;
+}
+
+static vocc_status check_sampling(const vocc_sampling *s, vocc_error *error)
+{
+    vocc_status status;
+    if (s->size != sizeof *s)
+        return vocc_fail(
+            error, VOCC_ERROR_INVALID_ARGUMENT, "sampling", -1, (double)s->size,
+            "sampling: size is %" PRIu32 ", not sizeof(vocc_sampling)",
+            s->size);
+    status =
+        vocc_check_range(error, "samples", s->samples, 1, VOCC_NOT_TRACED - 1);
+    if (status == VOCC_OK)
+        status = vocc_check_range(error, "sampler", s->sampler,
+                                  VOCC_SAMPLER_SOBOL, VOCC_SAMPLER_JITTER);
+    if (status == VOCC_OK)
+        status = vocc_check_range(error, "horizon", s->horizon,
+                                  VOCC_HORIZON_SAMPLE, VOCC_HORIZON_CENTRE);
+    return status;
+}
+
+static vocc_status check_points(const vocc_points *p, vocc_error *error)
+{
     vocc_status status =
         vocc_check_floats(p->position, p->count, "points", error);
     if (status == VOCC_OK)
         status = vocc_check_floats(p->normal, p->count, "normals", error);
-    if (status != VOCC_OK)
-        return status;
-    if (p->id.data && p->id.type != VOCC_UINT32)
+    if (status == VOCC_OK && p->id.data && p->id.type != VOCC_UINT32)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "point_ids", -1,
                          (double)p->id.type,
                          "point_ids: type %" PRId32 " is not VOCC_UINT32",
                          p->id.type);
+    return status;
+}
+
+/* Runs the query; s has points, lights and outputs, which are checked. */
+static vocc_status run_shadow(shadow *s, const vocc_scene *scene,
+                              const vocc_sampling *sampling,
+                              const vocc_query_options *options, int may_group,
+                              vocc_error *error)
+{
+    const size_t count = s->points.count;
+    const size_t jobs =
+        count / VOCC_TILE_POINTS + (count % VOCC_TILE_POINTS != 0);
+    vocc_status status =
+        vocc_query_begin(&s->query, scene, options, jobs, error);
+    if (status != VOCC_OK)
+        return status;
+    if (!may_group)
+        s->query.options.entry_points = s->query.options.voxels = 0;
+    s->horizon = sampling->horizon;
+    s->blocked_bytes = ((size_t)sampling->samples + 7) / 8;
+    memcpy(s->points.origin, scene->built.origin, sizeof s->points.origin);
+    s->points.neighbours = s->query.options.entry_points;
+    if (!vocc_pattern_init(&s->pattern, &scene->allocator, sampling->sampler,
+                           (uint32_t)sampling->samples))
+        status = VOCC_ERROR_OUT_OF_MEMORY;
+    if (status == VOCC_OK && s->query.options.voxels && s->light_count)
+        status =
+            vocc_points_by_voxel(&scene->allocator, &s->points,
+                                 s->query.options.voxels, &s->query.ticker);
+    if (status == VOCC_OK) {
+        if (s->query.options.point_steps)
+            memset(s->query.options.point_steps, 0,
+                   count * sizeof *s->query.options.point_steps);
+        status = vocc_query_run(&s->query, jobs, shade_tile, s);
+    }
+    vocc_pattern_free(&s->pattern, &scene->allocator);
+    vocc_release(&scene->allocator, s->points.by_voxel);
+    return vocc_query_end(&s->query, status, error);
+}
+
+static void set_points(shadow *s, size_t count, vocc_array points,
+                       vocc_array normals, vocc_array point_ids)
+{
+    memset(&s->points, 0, sizeof s->points);
+    s->points.count = count;
+    s->points.position = points;
+    s->points.normal = normals;
+    s->points.id = point_ids;
+}
+
+static vocc_status check_outputs(const shadow *s, const vocc_light *lights,
+                                 vocc_error *error)
+{
     if (!lights && s->light_count)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights", -1,
                          (double)NAN, "lights: NULL");
-    if (samples < 1 || samples >= VOCC_NOT_TRACED)
-        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "samples", -1,
-                         (double)samples,
-                         "samples is %" PRId32 ": it has to be from 1 to %d",
-                         samples, VOCC_NOT_TRACED - 1);
     if (s->light_count &&
-        p->count > SIZE_MAX / sizeof(uint16_t) / s->light_count)
-        return vocc_fail(error, VOCC_ERROR_LIMIT, "count", -1, (double)p->count,
-                         "count is %zu: too much for %zu lights", p->count,
-                         s->light_count);
-    if (!s->visible && s->light_count && p->count)
+        s->points.count > SIZE_MAX / sizeof(float) / s->light_count)
+        return vocc_fail(error, VOCC_ERROR_LIMIT, "count", -1,
+                         (double)s->points.count,
+                         "count is %zu: too much for %zu lights",
+                         s->points.count, s->light_count);
+    if (!s->visible && !s->irradiance && s->light_count && s->points.count)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "visible", -1,
                          (double)NAN, "visible: NULL");
     return VOCC_OK;
 }
 
-vocc_status vocc_light_visibility(const vocc_scene *scene, size_t count,
-                                  vocc_array points, vocc_array normals,
-                                  vocc_array point_ids, size_t light_count,
-                                  const vocc_rect_light *lights,
-                                  int32_t samples, uint16_t *visible,
-                                  const vocc_query_options *options,
-                                  vocc_error *error)
+vocc_status
+vocc_light_visibility(const vocc_scene *scene, size_t count, vocc_array points,
+                      vocc_array normals, vocc_array point_ids,
+                      size_t light_count, const vocc_light *lights,
+                      const vocc_sampling *sampling, uint16_t *visible,
+                      float *irradiance, uint8_t *blocked,
+                      const vocc_query_options *options, vocc_error *error)
 {
-    const size_t jobs =
-        count / VOCC_TILE_POINTS + (count % VOCC_TILE_POINTS != 0);
     shadow s;
-    vocc_light *moved;
-    double bad = 0.0;
+    vocc_sampling defaults;
+    vocc_emitter *emitters;
     vocc_status status;
     size_t l;
-    memset(&s.points, 0, sizeof s.points);
-    s.points.count = count;
-    s.points.position = points;
-    s.points.normal = normals;
-    s.points.id = point_ids;
+    set_points(&s, count, points, normals, point_ids);
     s.light_count = light_count;
     s.visible = visible;
-    status = check_shadow(&s, lights, samples, error);
+    s.irradiance = irradiance;
+    s.blocked = blocked;
+    vocc_sampling_init(&defaults);
+    sampling = sampling ? sampling : &defaults;
+    status = check_points(&s.points, error);
+    if (status == VOCC_OK)
+        status = check_outputs(&s, lights, error);
+    if (status == VOCC_OK)
+        status = check_sampling(sampling, error);
+    if (status == VOCC_OK)
+        status = vocc_check_built(scene, error);
     if (status != VOCC_OK)
         return status;
-    status = vocc_query_begin(&s.query, scene, options, jobs, error);
-    if (status != VOCC_OK)
-        return status;
-    s.strata = vocc_make_strata((uint32_t)samples);
-    moved = vocc_allocate(&scene->allocator, light_count, sizeof *moved);
-    s.order =
-        vocc_allocate(&scene->allocator, (size_t)samples, sizeof *s.order);
-    if (!moved || !s.order)
-        status = VOCC_ERROR_OUT_OF_MEMORY;
+    emitters = vocc_allocate(&scene->allocator, light_count, sizeof *emitters);
+    if (!emitters)
+        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
     for (l = 0; status == VOCC_OK && l < light_count; l++)
-        if (!vocc_light_init(&moved[l], &lights[l], scene->built.origin, &bad))
-            status = VOCC_ERROR_INVALID_ARGUMENT;
-    memcpy(s.points.origin, scene->built.origin, sizeof s.points.origin);
-    s.points.neighbours = s.query.options.entry_points;
-    if (status == VOCC_OK && s.query.options.voxels && light_count)
-        status = vocc_points_by_voxel(&scene->allocator, &s.points,
-                                      s.query.options.voxels, &s.query.ticker);
-    if (status == VOCC_OK) {
-        if (s.query.options.point_steps)
-            memset(s.query.options.point_steps, 0,
-                   count * sizeof *s.query.options.point_steps);
-        vocc_order_samples(&s.strata, s.order);
-        s.lights = moved;
-        status = vocc_query_run(&s.query, jobs, shade_tile, &s);
-    }
-    vocc_release(&scene->allocator, moved);
-    vocc_release(&scene->allocator, s.order);
-    vocc_release(&scene->allocator, s.points.by_voxel);
-    status = vocc_query_end(&s.query, status, error);
-    if (status == VOCC_ERROR_INVALID_ARGUMENT)
-        return vocc_fail(error, status, "lights", (int64_t)l - 1, bad,
-                         "lights[%zu]: %g is not a finite float32 number",
-                         l - 1, bad);
+        status = vocc_emitter_init(&emitters[l], &lights[l], l,
+                                   scene->built.origin, error);
+    s.lights = emitters;
+    if (status == VOCC_OK)
+        status = run_shadow(&s, scene, sampling, options, 1, error);
+    vocc_release(&scene->allocator, emitters);
     return status;
+}
+
+vocc_status vocc_ambient_occlusion(const vocc_scene *scene, size_t count,
+                                   vocc_array points, vocc_array normals,
+                                   vocc_array point_ids, double distance,
+                                   const vocc_sampling *sampling,
+                                   uint16_t *open, uint8_t *blocked,
+                                   const vocc_query_options *options,
+                                   vocc_error *error)
+{
+    shadow s;
+    vocc_sampling defaults;
+    vocc_emitter hemisphere;
+    vocc_status status;
+    set_points(&s, count, points, normals, point_ids);
+    s.lights = &hemisphere;
+    s.light_count = 1;
+    s.visible = open;
+    s.irradiance = NULL;
+    s.blocked = blocked;
+    vocc_sampling_init(&defaults);
+    sampling = sampling ? sampling : &defaults;
+    status = check_points(&s.points, error);
+    if (status == VOCC_OK && !open && count)
+        status = vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "open", -1,
+                           (double)NAN, "open: NULL");
+    if (status == VOCC_OK)
+        status = check_sampling(sampling, error);
+    if (status == VOCC_OK)
+        status = vocc_emitter_hemisphere(&hemisphere, distance, error);
+    if (status != VOCC_OK)
+        return status;
+    return run_shadow(&s, scene, sampling, options, 0, error);
 }

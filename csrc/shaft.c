@@ -10,19 +10,16 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-int vocc_shaft_init(vocc_shaft *s, const vocc_tree *tree,
-                    const float (*point)[3], const uint16_t *which,
-                    size_t count, const vocc_target *target)
+/* Points and their bounds: the slice at t = 0. */
+static double set_points(vocc_shaft *s, const float (*point)[3],
+                         const uint16_t *which, size_t count)
 {
-    const double scale = (double)tree->scale;
-    double point_size = 0.0, end_size = 0.0;
+    double size = 0.0;
     size_t i;
     int k;
     s->count = count;
-    s->region = target->region;
     for (k = 0; k < 3; k++) {
         float low = point[which[0]][k], high = low;
-        double reach, end_reach;
         for (i = 0; i < count; i++) {
             const float x = point[which[i]][k];
             s->point[k][i] = x;
@@ -31,20 +28,44 @@ int vocc_shaft_init(vocc_shaft *s, const vocc_tree *tree,
         }
         for (; i < count + VOCC_MAX_LANES; i++)
             s->point[k][i] = s->point[k][count - 1];
-        for (i = 0; i < 4 + VOCC_MAX_LANES; i++)
-            s->corner[k][i] = target->corner[i < 4 ? i : 3][k];
         s->lower[k] = (double)low;
         s->upper[k] = (double)high;
-        s->lower_step[k] = target->lower[k] - s->lower[k];
-        s->upper_step[k] = target->upper[k] - s->upper[k];
+        s->size[k] = larger(vocc_abs(s->lower[k]), vocc_abs(s->upper[k]));
+        size = larger(size, s->size[k]);
+    }
+    return size;
+}
+
+int vocc_shaft_init(vocc_shaft *s, const vocc_tree *tree,
+                    const float (*point)[3], const uint16_t *which,
+                    size_t count, const vocc_target *target)
+{
+    const double scale = (double)tree->scale,
+                 point_size = set_points(s, point, which, count);
+    /* From a point no triangle is farther than sqrt(3) (point_size + scale). */
+    const double length =
+        target->is_direction ? 4.0 * (point_size + scale) : 1.0;
+    double end_size = 0.0;
+    int i, k;
+    s->region = target->region;
+    s->corners = target->corners;
+    s->is_direction = target->is_direction;
+    for (k = 0; k < 3; k++) {
+        const double lower = length * target->lower[k],
+                     upper = length * target->upper[k],
+                     end = larger(vocc_abs(lower), vocc_abs(upper));
+        for (i = 0; i < VOCC_TARGET_CORNERS + VOCC_MAX_LANES; i++)
+            s->corner[k][i] =
+                (float)(length *
+                        (double)target
+                            ->corner[i < s->corners ? i : s->corners - 1][k]);
+        s->lower_step[k] = target->is_direction ? lower : lower - s->lower[k];
+        s->upper_step[k] = target->is_direction ? upper : upper - s->upper[k];
         s->lower_inverse[k] = 1.0 / s->lower_step[k];
         s->upper_inverse[k] = 1.0 / s->upper_step[k];
-        reach = larger(vocc_abs(s->lower[k]), vocc_abs(s->upper[k]));
-        end_reach =
-            larger(vocc_abs(target->lower[k]), vocc_abs(target->upper[k]));
-        s->size[k] = larger(reach, end_reach);
-        point_size = larger(point_size, reach);
-        end_size = larger(end_size, end_reach);
+        s->size[k] =
+            target->is_direction ? s->size[k] + end : larger(s->size[k], end);
+        end_size = larger(end_size, end);
     }
     if (!(larger(larger(point_size, end_size), scale) <= MAX_SIZE))
         return 0;
@@ -53,8 +74,9 @@ int vocc_shaft_init(vocc_shaft *s, const vocc_tree *tree,
      * is u of d is added for each plane. */
     s->point_error =
         (float)(3.0 * 5.5 * 0x1p-24 * point_size + 0x1p-36 * scale + 0x1p-100);
-    s->corner_error = (float)(3.0 * (5.5 * 0x1p-24 * end_size + target->slack) +
-                              0x1p-36 * scale + 0x1p-100);
+    s->corner_error =
+        (float)(3.0 * (5.5 * 0x1p-24 * end_size + length * target->slack) +
+                0x1p-36 * scale + 0x1p-100);
     return 1;
 }
 

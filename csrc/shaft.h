@@ -1,4 +1,4 @@
-/* Shafts: all segments from some points to one parallelogram, at once.
+/* Shafts: all segments from some points to one convex target, at once.
  *
  * A segment starts in the box of the points and ends in the box of the target;
  * at parameter t it is in the box (1 - t) * points + t * target, the slice.
@@ -6,7 +6,10 @@
  * all triangles that the segments can cross ("deep entry points": Reshetov,
  * Soupikov and Hurley, "Multi-Level Ray Tracing Algorithm", 2005, go on from
  * the node where they find the first), or an occluder that holds a whole slice:
- * it stops them all. */
+ * it stops them all.
+ *
+ * A target may be infinitely far: segments then run along each of its
+ * directions for as long as triangles are, and more. */
 #ifndef VOCC_SHAFT_H
 #define VOCC_SHAFT_H
 
@@ -16,22 +19,27 @@
 enum {
     VOCC_SHAFT_POINTS = 64,
     VOCC_SHAFT_TRIANGLES = 64, /* most that a walk may keep */
-    VOCC_SHAFT_BOXES = 4       /* occluders tried before the walk */
+    VOCC_SHAFT_BOXES = 4,      /* occluders tried before the walk */
+    VOCC_TARGET_CORNERS = 8
 };
 
-/* What the segments end on. */
+/* What the segments end on: points, or directions of length 1 (about). */
 typedef struct vocc_target {
-    float corner[4][3]; /* of a parallelogram */
-    double slack;       /* how far an end is from it on an axis, at most */
+    int is_direction;
+    int corners; /* of a convex hull: 4 or 8 */
+    float corner[VOCC_TARGET_CORNERS][3];
+    double slack; /* how far an end is from the hull on an axis, at most */
     double lower[3], upper[3]; /* bounds of all ends */
     int32_t region;            /* of all ends, or VOCC_END_UNKNOWN */
 } vocc_target;
 
 typedef struct vocc_shaft {
     size_t count;
+    int corners;
+    int is_direction; /* corners are steps from the points */
     /* Points, and corners of the target: padded by copies of the last. */
     float point[3][VOCC_SHAFT_POINTS + VOCC_MAX_LANES];
-    float corner[3][4 + VOCC_MAX_LANES];
+    float corner[3][VOCC_TARGET_CORNERS + VOCC_MAX_LANES];
     /* The slices: at t = 0, and what is added until t = 1. */
     double lower[3], upper[3], lower_step[3], upper_step[3];
     double lower_inverse[3], upper_inverse[3]; /* 1 / step */

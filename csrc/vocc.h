@@ -16,7 +16,8 @@
  *   1. vocc_scene_create     an empty scene
  *   2. vocc_scene_add_mesh   as often as there are meshes; arrays are copied
  *   3. vocc_scene_build      kd-tree, regions; the scene is then frozen
- *   4. vocc_intersect, vocc_occluded, vocc_region, vocc_light_visibility
+ *   4. vocc_intersect, vocc_occluded, vocc_region, vocc_light_visibility,
+ *      vocc_ambient_occlusion
  *   5. vocc_scene_free
  *
  * ERRORS
@@ -510,35 +511,106 @@ VOCC_API vocc_status vocc_scene_classify_by_rays(
     int32_t *labels, vocc_ray_classification *result,
     const vocc_query_options *options, vocc_error *error);
 
-/* A rectangle that emits from both sides: corner + a * edge_u + b * edge_v,
- * a and b from 0 to 1. */
-typedef struct vocc_rect_light {
-    double corner[3], edge_u[3], edge_v[3];
-} vocc_rect_light;
+typedef enum vocc_light_type {
+    VOCC_LIGHT_RECT,   /* position + a edge_u + b edge_v, a and b from 0 to 1 */
+    VOCC_LIGHT_DISK,   /* position + x edge_u + y edge_v, x^2 + y^2 <= 1: an
+                          ellipse if the half axes differ */
+    VOCC_LIGHT_SPHERE, /* of `radius` around position; samples are spread over
+                          the solid angle that a point sees */
+    VOCC_LIGHT_POINT,  /* a disk of `radius` around position that faces the
+                          point it lights; radius 0: one point */
+    VOCC_LIGHT_SPOT,   /* as POINT, for points within the cone of `angle`
+                          around `direction` only */
+    VOCC_LIGHT_SUN     /* infinitely far towards `direction`; its disk has the
+                          angular diameter `angle` */
+} vocc_light_type;
+
+/* A light: its type, and the fields that the type names; the rest is ignored.
+ * Edges need not be perpendicular, and may be 0. */
+typedef struct vocc_light {
+    double position[3];
+    double edge_u[3], edge_v[3];
+    double radius;       /* >= 0 */
+    double direction[3]; /* of any length but 0; SPOT: away from the light */
+    double angle;        /* full, in radians: SUN 0 to pi, SPOT 0 to 2 pi */
+    int32_t type;        /* a vocc_light_type */
+    int32_t one_sided;   /* RECT, DISK: 1: it emits only on the side that
+                            edge_u x edge_v points to; 0: on both */
+} vocc_light;
+
+typedef enum vocc_sampler {
+    VOCC_SAMPLER_SOBOL, /* Sobol's first two dimensions, Owen-scrambled by a
+                           hash of point id and light: the lower error */
+    VOCC_SAMPLER_JITTER /* nu x nv strata, jittered by a hash of point_id * 2048
+                           + light * 256 + sample: repeated in few lines by
+                           any program */
+} vocc_sampler;
+
+typedef enum vocc_horizon {
+    VOCC_HORIZON_SAMPLE, /* a sample that is not above the surface is dark; a
+                            point with none above is not traced */
+    VOCC_HORIZON_CENTRE  /* all samples are traced if the light's centre (SUN:
+                            direction) is above the surface, else none */
+} vocc_horizon;
+
+/* Which rays are traced. */
+typedef struct vocc_sampling {
+    uint32_t size;   /* sizeof(vocc_sampling) */
+    int32_t samples; /* of each light at each point, 1 to 65534; default 16 */
+    int32_t sampler; /* a vocc_sampler, default SOBOL */
+    int32_t horizon; /* a vocc_horizon, default SAMPLE; not for ambient
+                        occlusion */
+} vocc_sampling;
+
+/* Fills *sampling with the defaults. */
+VOCC_API void vocc_sampling_init(vocc_sampling *sampling);
 
 #define VOCC_NOT_TRACED 65535
 
 /* How many samples of each light each point sees: visible[l * count + i] for
- * light l and point i, 0 to samples; VOCC_NOT_TRACED where the light's centre
- * is not above the surface (normal . (centre - point) <= 0, in double).
+ * light l and point i, 0 to samples; VOCC_NOT_TRACED where nothing is traced:
+ * the point is turned away from the light (see vocc_horizon: "above" is normal
+ * . (sample - point) > 0 in double), behind a one-sided light, outside the cone
+ * of a SPOT, or it has a NaN or infinite coordinate or a NaN normal.
  *
  * points, normals: `count` rows of 3 FLOAT32 or FLOAT64; normals need not have
  * unit length.  The points are the ray origins: the caller has moved them off
- * the surface.  point_ids: rows of 1 UINT32, or data NULL for 0, 1, 2, ...;
- * samples: 1 to 65534.
+ * the surface.  point_ids: rows of 1 UINT32, or data NULL for 0, 1, 2, ...
+ * sampling: NULL for the defaults.
+ *
+ * irradiance: NULL, or float[light_count * count]: of the irradiance that the
+ * light's samples would give a diffuse surface there (cosine at the surface,
+ * cosine at a RECT, DISK, POINT or SPOT, inverse square of the distance, all
+ * in double), the share that is not blocked; NaN where nothing is traced.
+ * visible may be NULL then.
+ *
+ * blocked: NULL, or (samples + 7) / 8 bytes for each value of visible, read and
+ * written: bit k % 8 of byte k / 8 is sample k.  A sample whose bit is set is
+ * blocked and not traced; the bits of those found blocked are set.  So meshes
+ * in several scenes block together: a call for each, with the same lights,
+ * points and bits (0 at first); the last one's results hold for all.  (Rays are
+ * the same in all scenes if their vocc_scene_origin is.)
  *
  * The shadow ray runs from the point O to the sample S on the light: direction
- * S - O, 0 < t < 1.  Samples are stratified nu x nv (nv the largest divisor of
- * samples up to its root, nu = samples / nv) and jittered by a hash of
- * point_id * 2048 + light * 256 + sample (mod 2^32), all in float32, one
- * rounding an operation (docs/method.md has the formulas): the same rays on
- * every machine.  A point with a NaN or infinite coordinate, or a NaN normal,
- * is not traced.
+ * S - O, 0 < t < 1; to a SUN 0 < t.  docs/method.md has the formulas; none uses
+ * anything but +, -, *, / and sqrt: the same rays on every machine.
  * Fails as vocc_intersect. */
 VOCC_API vocc_status vocc_light_visibility(
     const vocc_scene *scene, size_t count, vocc_array points,
     vocc_array normals, vocc_array point_ids, size_t light_count,
-    const vocc_rect_light *lights, int32_t samples, uint16_t *visible,
+    const vocc_light *lights, const vocc_sampling *sampling, uint16_t *visible,
+    float *irradiance, uint8_t *blocked, const vocc_query_options *options,
+    vocc_error *error);
+
+/* Ambient occlusion: how many of sampling->samples rays from each point, spread
+ * over the hemisphere of its normal by cosine, meet nothing within `distance`
+ * (> 0; infinity is allowed): open[i], 0 to samples; VOCC_NOT_TRACED where the
+ * point is not finite or the normal has no direction.  The rest as for
+ * vocc_light_visibility; light number 0 in the hash. */
+VOCC_API vocc_status vocc_ambient_occlusion(
+    const vocc_scene *scene, size_t count, vocc_array points,
+    vocc_array normals, vocc_array point_ids, double distance,
+    const vocc_sampling *sampling, uint16_t *open, uint8_t *blocked,
     const vocc_query_options *options, vocc_error *error);
 
 /* </cffi> */

@@ -29,7 +29,7 @@ from .errors import (
     ThreadError,
     UnsupportedError,
 )
-from .lights import RectLight
+from .lights import DiskLight, Light, PointLight, RectLight, SphereLight, SpotLight, SunLight
 from .report import (
     BuildSeconds,
     ComponentReport,
@@ -39,7 +39,7 @@ from .report import (
     TreeReport,
 )
 from .scene import Hits, Scene, Solid
-from .shadow import ShadowPass, shadow_pass
+from .shadow import ShadingPoints, ShadowPass, shading_points, shadow_pass
 from .stats import Stats
 
 if TYPE_CHECKING:
@@ -56,31 +56,39 @@ __all__ = [
     "BuildSeconds",
     "Cancelled",
     "ComponentReport",
+    "DiskLight",
     "Error",
     "FileError",
     "Hits",
     "InvalidArgument",
     "InvalidType",
+    "Light",
     "LimitError",
     "MeshReport",
     "OpenMeshError",
     "OutOfMemory",
     "PerspectiveCamera",
+    "PointLight",
     "QueryOptions",
     "RayClassification",
     "RectLight",
     "Report",
     "Scene",
     "SceneFile",
+    "ShadingPoints",
     "ShadowPass",
     "Solid",
+    "SphereLight",
+    "SpotLight",
     "StateError",
     "Stats",
+    "SunLight",
     "ThreadError",
     "TreeReport",
     "UnsupportedError",
     "load_mesh",
     "load_scene",
+    "shading_points",
     "shadow_pass",
 ]
 

@@ -17,8 +17,17 @@ from numpy.typing import NDArray
 from ._arrays import AnyArray, Rows
 from ._values import Vector, is_true
 from ._vocc import ffi, lib
-from .errors import EXCEPTIONS, from_status
-from .lights import RectLight
+from .errors import EXCEPTIONS, InvalidArgument, from_status
+from .lights import (
+    DiskLight,
+    Light,
+    PointLight,
+    RectLight,
+    SphereLight,
+    SpotLight,
+    SunLight,
+    named_in_python,
+)
 from .report import (
     BuildSeconds,
     ComponentReport,
@@ -53,6 +62,14 @@ ISAS: Mapping[str, int] = {
     "scalar": lib.VOCC_ISA_SCALAR,
     "sse2": lib.VOCC_ISA_SSE2,
 }
+SAMPLERS: Mapping[str, int] = {
+    "sobol": lib.VOCC_SAMPLER_SOBOL,
+    "jitter": lib.VOCC_SAMPLER_JITTER,
+}
+HORIZONS: Mapping[str, int] = {
+    "sample": lib.VOCC_HORIZON_SAMPLE,
+    "centre": lib.VOCC_HORIZON_CENTRE,
+}
 BOUNDARY: int = lib.VOCC_BOUNDARY
 CLEAR: int = lib.VOCC_CLEAR
 OPAQUE: int = lib.VOCC_OPAQUE
@@ -79,6 +96,14 @@ _TYPES = {
     np.dtype(np.int64): lib.VOCC_INT64,
     np.dtype(np.uint64): lib.VOCC_UINT64,
 }
+_LIGHT_TYPES: Mapping[type, int] = {
+    RectLight: lib.VOCC_LIGHT_RECT,
+    DiskLight: lib.VOCC_LIGHT_DISK,
+    SphereLight: lib.VOCC_LIGHT_SPHERE,
+    PointLight: lib.VOCC_LIGHT_POINT,
+    SpotLight: lib.VOCC_LIGHT_SPOT,
+    SunLight: lib.VOCC_LIGHT_SUN,
+}
 _STATUS = {getattr(lib, f"VOCC_ERROR_{name}"): name for name in EXCEPTIONS}
 _COUNTERS = tuple(name for name, _ in ffi.typeof("vocc_counters").fields)
 
@@ -100,6 +125,15 @@ class Query:
     packets: int
     isa: int
     threads: int
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """The fields of vocc_sampling by their names there."""
+
+    samples: int
+    sampler: int
+    horizon: int
 
 
 def version() -> str:
@@ -174,7 +208,9 @@ def _array(rows: Rows | None) -> tuple[Any, int, int]:
     return (ffi.cast("void *", rows.address), rows.stride, _TYPES[rows.dtype])
 
 
-def _pointer(kind: str, array: AnyArray) -> Any:
+def _pointer(kind: str, array: AnyArray | None) -> Any:
+    if array is None:
+        return ffi.NULL
     return ffi.cast(f"{kind} *", array.__array_interface__["data"][0])
 
 
@@ -479,15 +515,17 @@ def light_visibility(
     points: Rows,
     normals: Rows,
     point_ids: Rows | None,
-    lights: Sequence[RectLight],
-    samples: int,
-    visible: AnyArray,
+    lights: Sequence[Light],
+    sampling: Sampling,
+    visible: AnyArray | None,
+    irradiance: AnyArray | None,
+    blocked: AnyArray | None,
     query: Query,
     progress: Progress | None,
     stats: Stats | None,
     steps: AnyArray | None,
 ) -> None:
-    """Fills visible: (lights, count) uint16, and steps: (count) uint32."""
+    """Fills visible: (lights, count) uint16; irradiance, float32; and steps: (count) uint32."""
     args = (
         scene,
         count,
@@ -496,10 +534,53 @@ def light_visibility(
         _array(point_ids),
         len(lights),
         ffi.new(
-            "vocc_rect_light[]",
-            [(light.corner, light.edge_u, light.edge_v) for light in lights],
+            "vocc_light[]",
+            [{"type": _LIGHT_TYPES[type(light)], **light._fields()} for light in lights],
         ),
-        samples,
+        _sampling(sampling),
         _pointer("uint16_t", visible),
+        _pointer("float", irradiance),
+        _pointer("uint8_t", blocked),
     )
-    _query(lib.vocc_light_visibility, args, query, progress, stats, steps)
+    try:
+        _query(lib.vocc_light_visibility, args, query, progress, stats, steps)
+    except InvalidArgument as error:
+        raise named_in_python(error, lights) from None
+
+
+def ambient_occlusion(
+    scene: Handle,
+    count: int,
+    points: Rows,
+    normals: Rows,
+    point_ids: Rows | None,
+    distance: float,
+    sampling: Sampling,
+    open: AnyArray,
+    blocked: AnyArray | None,
+    query: Query,
+    progress: Progress | None,
+    stats: Stats | None,
+    steps: AnyArray | None,
+) -> None:
+    """Fills open: (count) uint16, and steps: (count) uint32."""
+    args = (
+        scene,
+        count,
+        _array(points),
+        _array(normals),
+        _array(point_ids),
+        distance,
+        _sampling(sampling),
+        _pointer("uint16_t", open),
+        _pointer("uint8_t", blocked),
+    )
+    _query(lib.vocc_ambient_occlusion, args, query, progress, stats, steps)
+
+
+def _sampling(sampling: Sampling) -> Any:
+    result = ffi.new("vocc_sampling *")
+    result.size = ffi.sizeof("vocc_sampling")
+    for field in fields(sampling):
+        setattr(result, field.name, getattr(sampling, field.name))
+    return result

@@ -6,10 +6,20 @@ import math
 from typing import TypedDict
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _ffi
-from ._arrays import AnyArray, Rows, Shape, broadcast, floats, integers, rows, split_rows
+from ._arrays import (
+    AnyArray,
+    Rows,
+    Shape,
+    broadcast,
+    floats,
+    integers,
+    output,
+    rows,
+    split_rows,
+)
 from ._ffi import Progress
 from ._values import choice, flag, integer
 from .errors import InvalidArgument, InvalidType
@@ -98,6 +108,46 @@ def query_of(default_threads: int, options: QueryOptions) -> _ffi.Query:
         isa=choice("isa", options.get("isa", "auto"), _ffi.ISAS),
         threads=threads_or(options.get("threads"), default_threads),
     )
+
+
+def sampling_of(samples: int, sampler: str, horizon: str = "sample") -> _ffi.Sampling:
+    """The sampling, checked."""
+    return _ffi.Sampling(
+        samples=integer("samples", samples),
+        sampler=choice("sampler", sampler, _ffi.SAMPLERS),
+        horizon=choice("horizon", horizon, _ffi.HORIZONS),
+    )
+
+
+def blocked_bits(
+    blocked: NDArray[np.uint8] | None, shape: Shape, samples: int
+) -> NDArray[np.uint8] | None:
+    """The caller's bits, checked; a number of samples that is none is told elsewhere."""
+    if blocked is not None:
+        output("blocked", blocked, (*shape, (max(samples, 1) + 7) // 8), (np.uint8,))
+    return blocked
+
+
+def shading_rows(
+    points: ArrayLike, normals: ArrayLike, point_ids: ArrayLike | None
+) -> tuple[int, Shape, tuple[Rows, Rows, Rows | None]]:
+    """Number of points, their leading shape, and the arguments as rows."""
+    positions, directions = floats("points", points), floats("normals", normals)
+    shapes = {
+        "points": split_rows("points", positions, 3),
+        "normals": split_rows("normals", directions, 3),
+    }
+    ids = None
+    if point_ids is not None:
+        ids = checked_point_ids(point_ids)
+        shapes["point_ids"] = ids.shape
+    lead = broadcast(shapes)
+    shaded = (
+        rows(positions, lead, (3,)),
+        rows(directions, lead, (3,)),
+        None if ids is None else rows(ids, lead),
+    )
+    return math.prod(lead), lead, shaded
 
 
 def checked_progress(progress: Progress | None) -> Progress | None:

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import OPAQUE, __version__, images, scene_files
-from ._ffi import CACHE_POLICIES, ORDERS
+from ._ffi import CACHE_POLICIES, ORDERS, SAMPLERS
 from ._files import FileError, check_writable
 from ._query import QueryOptions
 from .errors import Error
 from .mesh_files import load_mesh
 from .report import MeshReport
 from .scene import Scene
-from .shadow import ShadowPass, shadow_pass
+from .shadow import shadow_pass
 from .stats import Stats
 
 # Exit codes beside 0.
@@ -107,7 +107,7 @@ def _parser() -> argparse.ArgumentParser:
         "shadow",
         help="render the soft shadows of a scene file",
         description="Renders the soft shadows of a scene file.\n"
-        "No option but --size and --samples changes the picture.\n"
+        "No option but --size, --samples and --sampler changes the picture.\n"
         "Exit code: 0 done, 2 not possible.",
         epilog=f"A scene file:\n{scene_files.FORMAT}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -128,9 +128,16 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--samples",
         type=_integer(1, 65534),
-        default=20,
+        default=16,
         metavar="N",
-        help="shadow rays to each light and pixel (default 20)",
+        help="shadow rays to each light and pixel (default 16)",
+    )
+    add(
+        "--sampler",
+        choices=tuple(SAMPLERS),
+        default="sobol",
+        help="how they are spread: sobol (default; the lower error, best with a power of two) or "
+        "jitter (strata and a hash)",
     )
     add("--order", choices=tuple(ORDERS), default="auto", help="traversal order (default auto)")
     add("--no-occluders", action="store_true", help="do not use volumetric occluders")
@@ -456,6 +463,7 @@ def _shadow(options: argparse.Namespace) -> int:
             file.lights,
             options.size,
             options.samples,
+            sampler=options.sampler,
             progress=progress,
             stats=stats,
             **query,
@@ -464,14 +472,15 @@ def _shadow(options: argparse.Namespace) -> int:
         images.write_exr(exr, result, file.light_names)
     ground = next((k for k, mesh in enumerate(file.meshes) if mesh.path is None), None)
     images.write_png(png, images.look(result, file.lights, ground))
-    rays = _rays(result)
+    # Those of pixels that face a light only in part are not all traced: fewer rays.
+    count = int(np.count_nonzero(result.visibility >= 0)) * result.samples / 1e6
+    seconds = max(result.shadow_seconds, 1e-9)
     print(
         f"{exr or png}: {options.size[0]} x {options.size[1]} pixels, "
         f"{_count(len(file.lights), 'light')}, {_count(options.samples, 'sample')}: "
-        f"{rays / 1e6:.2f} M rays in {result.shadow_seconds:.2f} s, "
-        f"{rays / 1e6 / max(result.shadow_seconds, 1e-9):.2f} Mrays/s"
+        f"{count:.2f} M samples in {seconds:.2f} s, {count / seconds:.2f} M/s"
     )
-    if options.stats:
+    if stats is not None:
         _write_json(
             options.stats,
             {
@@ -480,16 +489,17 @@ def _shadow(options: argparse.Namespace) -> int:
                 "lights": list(file.light_names),
                 "size": list(options.size),
                 "samples": options.samples,
+                "sampler": options.sampler,
                 "options": {**query, "threads": options.threads},
-                "rays": rays,
-                "mrays_per_second": rays / 1e6 / max(result.shadow_seconds, 1e-9),
+                "rays": stats.rays,
+                "mrays_per_second": stats.rays / 1e6 / seconds,
                 "seconds": {
                     "load": loaded - start,
                     "build": built - loaded,
                     "primary": result.primary_seconds,
                     "shadow": result.shadow_seconds,
                 },
-                "counters": asdict(stats) if stats else None,
+                "counters": asdict(stats),
                 "report": asdict(scene.report),
             },
         )
@@ -509,10 +519,6 @@ def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path]:
             check_writable(path)
     images.check_packages(exr is not None)
     return exr, png
-
-
-def _rays(result: ShadowPass) -> int:
-    return int(np.count_nonzero(result.visibility >= 0)) * result.samples
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

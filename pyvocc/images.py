@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._files import FileError, PathLike, missing, read_bytes, replacing
-from .lights import RectLight
+from .lights import Light, SunLight
 
 if TYPE_CHECKING:
     from .shadow import ShadowPass
@@ -145,7 +145,7 @@ def light_colour(index: int) -> Floats:
     return np.array(colorsys.hsv_to_rgb(index * 0.618 % 1.0, 0.4, 1.0))
 
 
-def look(result: ShadowPass, lights: Sequence[RectLight], ground: int | None = None) -> Pixels:
+def look(result: ShadowPass, lights: Sequence[Light], ground: int | None = None) -> Pixels:
     """The pass as a picture for people: every light softly tinted, shaded and tone-mapped.
 
     Args:
@@ -162,7 +162,10 @@ def look(result: ShadowPass, lights: Sequence[RectLight], ground: int | None = N
     # A little sky from above, less from below, keeps what no light sees from going black.
     total = np.multiply.outer(0.05 + 0.035 * normal[..., 1], np.array([0.80, 0.92, 1.15]))
     for index, light in enumerate(lights):
-        towards = np.asarray(light.center) - position
+        if isinstance(light, SunLight):
+            towards = np.broadcast_to(np.asarray(light.direction), position.shape)
+        else:
+            towards = np.asarray(light.center) - position
         length = np.maximum(np.linalg.norm(towards, axis=-1), 1e-300)
         slope = np.maximum(np.einsum("hwk,hwk->hw", normal, towards) / length, 0.0)
         visible = np.maximum(result.visibility[index], 0.0)

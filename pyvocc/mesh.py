@@ -64,3 +64,9 @@ class Geometry:
         if len(points) == 0:
             return 0.0
         return float(np.max(points.max(axis=0).astype(np.float64) - points.min(axis=0)))
+
+    def largest_coordinate(self) -> float:
+        """Largest |coordinate| of a triangle's corner; 0 without any."""
+        used = np.zeros(len(self._vertices), bool)
+        used[self._triangles] = True
+        return float(np.abs(self._vertices[used]).max(initial=0.0))

@@ -13,21 +13,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _ffi
-from ._arrays import AnyArray, broadcast, floats, integers, output, rows, split_rows
+from ._arrays import AnyArray, floats, integers, output, rows, split_rows
 from ._ffi import Progress
 from ._query import (
     QueryOptions,
+    blocked_bits,
     check_ids,
-    checked_point_ids,
     checked_progress,
     checked_stats,
     query_of,
     rays_of,
+    sampling_of,
+    shading_rows,
     threads_or,
 )
 from ._values import flag, integer, number, vector
 from .errors import InvalidType, StateError
-from .lights import RectLight, checked_lights
+from .lights import Light, checked_lights
 from .mesh import Geometry, checked_triangles, checked_vertices
 from .report import RayClassification, Report
 from .stats import Stats
@@ -412,29 +414,42 @@ class Scene:
         self,
         points: ArrayLike,
         normals: ArrayLike,
-        lights: Iterable[RectLight],
-        samples: int = 20,
+        lights: Iterable[Light],
+        samples: int = 16,
         point_ids: ArrayLike | None = None,
         *,
+        sampler: str = "sobol",
+        horizon: str = "sample",
         progress: Progress | None = None,
         stats: Stats | None = None,
+        blocked: NDArray[np.uint8] | None = None,
         steps: NDArray[np.uint32] | None = None,
         out: NDArray[np.uint16] | None = None,
         **options: Unpack[QueryOptions],
     ) -> NDArray[np.uint16]:
         """How many samples of each light each point sees.
 
-        Shadow rays run from the point to samples on the light, stratified and jittered by a
-        hash of point id, light and sample: the same rays on every machine (docs/method.md).
-
         Args:
             points: (..., 3) float32 or float64, the rays' origins: moved off the surface
                 by the caller. One that is NaN or infinite is not traced.
             normals: (..., 3) float32 or float64, of any length.
-            lights: any number of RectLight.
+            lights: any number of lights of any types.
             samples: of each light, 1 to 65534.
-            point_ids: (...) integers from 0 to 2^32 - 1 for the hash; default 0, 1, 2, ...
+            point_ids: (...) integers from 0 to 2^32 - 1, what the samples of a point depend
+                on besides the light's place in `lights`; default 0, 1, 2, ...
+            sampler: "sobol" (Owen-scrambled, the lower error; best with a power of two) or
+                "jitter" (strata and a hash). Both give the same rays on every machine;
+                docs/method.md has the formulas.
+            horizon: "sample": a sample that is not above the surface is dark, and a point
+                with none above is NOT_TRACED. "centre": all samples are traced where the
+                light's centre is above the surface, else none.
             progress, stats: as in `intersect`.
+            blocked: a C-contiguous uint8 array of shape (lights, ..., (samples + 7) // 8),
+                read and written: bit k % 8 of byte k // 8 is sample k. A sample whose bit is
+                set is blocked and not traced; the bits of those found blocked are set. So
+                meshes in several scenes block together: a call for each with the same bits,
+                zeros at first; the last one's result holds for all. (Their `origin` has to be
+                the same for the same rays.)
             steps: a C-contiguous uint32 array of shape (...) that is filled with the
                 traversal steps spent on each point; packets then hold rays of one point.
             out: a C-contiguous uint16 array with the result's shape, which is filled and
@@ -442,32 +457,132 @@ class Scene:
             **options: as in `occluded`.
 
         Returns:
-            uint16 of shape (lights, ...): 0 to samples; NOT_TRACED (65535) where the
-            light's centre is not above the surface: normal . (centre - point) <= 0.
+            uint16 of shape (lights, ...): 0 to samples; NOT_TRACED (65535) where the point is
+            turned away from the light, behind a one-sided one or outside a spot's cone.
         """
-        arrays = {"points": floats("points", points), "normals": floats("normals", normals)}
-        shapes = {name: split_rows(name, array, 3) for name, array in arrays.items()}
-        ids = None
-        if point_ids is not None:
-            ids = checked_point_ids(point_ids)
-            shapes["point_ids"] = ids.shape
-        lead = broadcast(shapes)
-        rects = checked_lights(lights)
-        count = integer("samples", samples)
-        query = query_of(self._threads, options)
-        result = output("out", out, (len(rects), *lead), (np.uint16,))
+        count, lead, shaded = shading_rows(points, normals, point_ids)
+        checked = checked_lights(lights)
+        result = output("out", out, (len(checked), *lead), (np.uint16,))
         if steps is not None:
             output("steps", steps, lead, (np.uint32,))
+        sampling = sampling_of(samples, sampler, horizon)
+        bits = blocked_bits(blocked, (len(checked), *lead), sampling.samples)
+        query = query_of(self._threads, options)
         with self._borrow() as scene:
             _ffi.light_visibility(
                 scene,
-                math.prod(lead),
-                rows(arrays["points"], lead, (3,)),
-                rows(arrays["normals"], lead, (3,)),
-                None if ids is None else rows(ids, lead),
-                rects,
                 count,
+                *shaded,
+                checked,
+                sampling,
                 result,
+                None,
+                bits,
+                query,
+                checked_progress(progress),
+                checked_stats(stats),
+                steps,
+            )
+        return result
+
+    def light_irradiance(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        lights: Iterable[Light],
+        samples: int = 16,
+        point_ids: ArrayLike | None = None,
+        *,
+        sampler: str = "sobol",
+        horizon: str = "sample",
+        progress: Progress | None = None,
+        stats: Stats | None = None,
+        blocked: NDArray[np.uint8] | None = None,
+        out: NDArray[np.float32] | None = None,
+        **options: Unpack[QueryOptions],
+    ) -> NDArray[np.float32]:
+        """Which share of each light's irradiance reaches each point.
+
+        As `light_visibility`, but each sample counts by what it would add to the light on a
+        diffuse surface: the cosine there, the cosine at the light (not for spheres and suns),
+        the inverse square of its distance. This is what the ratio of two renderings, with and
+        without shadows, gives.
+
+        Returns:
+            float32 of shape (lights, ...): 0 (dark) to 1 (lit); NaN where `light_visibility`
+            has NOT_TRACED.
+        """
+        count, lead, shaded = shading_rows(points, normals, point_ids)
+        checked = checked_lights(lights)
+        result = output("out", out, (len(checked), *lead), (np.float32,))
+        sampling = sampling_of(samples, sampler, horizon)
+        bits = blocked_bits(blocked, (len(checked), *lead), sampling.samples)
+        query = query_of(self._threads, options)
+        with self._borrow() as scene:
+            _ffi.light_visibility(
+                scene,
+                count,
+                *shaded,
+                checked,
+                sampling,
+                None,
+                result,
+                bits,
+                query,
+                checked_progress(progress),
+                checked_stats(stats),
+                None,
+            )
+        return result
+
+    def ambient_occlusion(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        distance: float = math.inf,
+        samples: int = 16,
+        point_ids: ArrayLike | None = None,
+        *,
+        sampler: str = "sobol",
+        progress: Progress | None = None,
+        stats: Stats | None = None,
+        blocked: NDArray[np.uint8] | None = None,
+        steps: NDArray[np.uint32] | None = None,
+        out: NDArray[np.uint16] | None = None,
+        **options: Unpack[QueryOptions],
+    ) -> NDArray[np.uint16]:
+        """How many rays of the hemisphere above each point meet nothing nearby.
+
+        Rays are spread by cosine: the share that is open is the share of a uniform sky's
+        irradiance that arrives.
+
+        Args:
+            distance: how far a ray goes, above 0, in the scene's unit; default infinity.
+            samples: rays from each point, 1 to 65534.
+            points, normals, point_ids, sampler, progress, stats, blocked, steps, out, **options:
+                as in `light_visibility`; without the axis of lights.
+
+        Returns:
+            uint16 of shape (...): 0 (closed in) to samples (open); NOT_TRACED (65535) where
+            the point is not finite or the normal has no direction.
+        """
+        count, lead, shaded = shading_rows(points, normals, point_ids)
+        result = output("out", out, lead, (np.uint16,))
+        if steps is not None:
+            output("steps", steps, lead, (np.uint32,))
+        reach = number("distance", distance)
+        sampling = sampling_of(samples, sampler)
+        bits = blocked_bits(blocked, lead, sampling.samples)
+        query = query_of(self._threads, options)
+        with self._borrow() as scene:
+            _ffi.ambient_occlusion(
+                scene,
+                count,
+                *shaded,
+                reach,
+                sampling,
+                result,
+                bits,
                 query,
                 checked_progress(progress),
                 checked_stats(stats),
@@ -567,3 +682,11 @@ class Scene:
         meshes = self.report.meshes
         closed = [mesh.geom_id for mesh in meshes if mesh.closed and mesh.triangle_count]
         return self._geometry.largest_extent(closed or range(len(meshes)))
+
+    @property
+    def safe_offset(self) -> float:
+        """How far a point of a surface has to be moved along its normal, at least, so that it
+        is surely above it when it has been rounded to float32: twice what rounding can take,
+        2^-21 of the largest |coordinate - origin|."""
+        self._open()
+        return 2.0**-21 * self._geometry.largest_coordinate()

@@ -9,7 +9,7 @@ import difflib
 import math
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ._files import FileError, PathLike, read_bytes
 from .camera import PerspectiveCamera
 from .errors import Error
-from .lights import RectLight
+from .lights import DiskLight, Light, PointLight, RectLight, SphereLight, SpotLight, SunLight
 from .mesh_files import Triangles, Vertices, load_mesh, transform
 
 if TYPE_CHECKING:
@@ -48,10 +48,30 @@ fov = 40.0                    # vertical, in degrees; or tan_half_fov = 0.36
 
 [[light]]                     # one or more
 name = "key"                  # default: light0, light1, ...
+type = "rect"                 # default; a parallelogram
 corner = [1, 4, 1]
 edge_u = [1, 0, 0]
 edge_v = [0, 0, 1]
+two_sided = true              # default; false: it emits where edge_u x edge_v points to only
+
+# Lights of other types have these keys instead:
+# type = "disk"               center, axis_u, axis_v (half axes), two_sided = true
+# type = "sphere"             center, radius
+# type = "point"              center, radius = 0 (of a disk that faces what it lights)
+# type = "spot"               center, direction, angle (of its whole cone, in degrees), radius = 0
+# type = "sun"                direction (towards it), angle = 0 (its diameter, in degrees)
 """
+
+# The types of lights by their names in scene files.
+LIGHTS: Mapping[str, type[Light]] = {
+    "rect": RectLight,
+    "disk": DiskLight,
+    "sphere": SphereLight,
+    "point": PointLight,
+    "spot": SpotLight,
+    "sun": SunLight,
+}
+MOST_DEGREES = {"spot": 360.0, "sun": 180.0}
 
 Vector = tuple[float, float, float]
 
@@ -83,14 +103,14 @@ class SceneFile:
         path: the file.
         meshes: in order of the file, the ground last; a mesh's place is its geom_id.
         camera: the camera.
-        lights: the area lights.
+        lights: the lights.
         light_names: their names, all different.
     """
 
     path: Path
     meshes: tuple[SceneMesh, ...]
     camera: PerspectiveCamera
-    lights: tuple[RectLight, ...]
+    lights: tuple[Light, ...]
     light_names: tuple[str, ...]
 
     def build(
@@ -142,10 +162,10 @@ def load_scene(path: PathLike) -> SceneFile:
     top = _Table(file, "", document, ("mesh", "ground", "camera", "light"))
     # Small things first: a wrong number is told before large meshes are read.
     camera = _camera(top.table("camera", ("eye", "target", "up", "fov", "tan_half_fov")))
-    lights, names = [], []
-    for k, table in enumerate(top.tables("light", ("name", "corner", "edge_u", "edge_v"))):
-        corner, edge_u, edge_v = (table.vector(key) for key in ("corner", "edge_u", "edge_v"))
-        lights.append(RectLight(corner, edge_u, edge_v))
+    lights: list[Light] = []
+    names: list[str] = []
+    for k, table in enumerate(top.tables("light", None)):
+        lights.append(_light(table))
         name = table.text("name", f"light{k}")
         if name in names:
             table.fail("name", f"two lights are called {name!r}")
@@ -164,9 +184,16 @@ def load_scene(path: PathLike) -> SceneFile:
 class _Table:
     """A TOML table that says where in the file a fault is, in the form mesh[0].scale."""
 
-    def __init__(self, file: Path, where: str, values: Mapping[str, Any], keys: Collection[str]):
+    def __init__(
+        self, file: Path, where: str, values: Mapping[str, Any], keys: Collection[str] | None
+    ):
         self.file, self.where, self.values = file, where, values
-        for key in values:
+        if keys is not None:
+            self.check(keys)
+
+    def check(self, keys: Collection[str]) -> None:
+        """Fails at the first key that is none of these."""
+        for key in self.values:
             if key not in keys:
                 near = difflib.get_close_matches(key, keys, 1, 0.6)
                 hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(keys)}"
@@ -186,7 +213,8 @@ class _Table:
             self.fail(key, f"expected a table, got {_kind(value)}")
         return _Table(self.file, self._key(key), value, keys)
 
-    def tables(self, key: str, keys: Collection[str]) -> list[_Table]:
+    def tables(self, key: str, keys: Collection[str] | None) -> list[_Table]:
+        """Keys: those there are; None where the caller checks them."""
         value = self.values.get(key, [])
         if isinstance(value, dict):
             self.fail(key, f"expected an array of tables: write [[{key}]], not [{key}]")
@@ -273,6 +301,39 @@ def _camera(table: _Table) -> PerspectiveCamera:
         return PerspectiveCamera(eye, target, up, **lens)
     except Error as error:
         table.fail(error.argument or "", str(error))
+
+
+def _light(table: _Table) -> Light:
+    kind = table.text("type", "rect")
+    if kind not in LIGHTS:
+        near = difflib.get_close_matches(kind, LIGHTS, 1, 0.6)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(LIGHTS)}"
+        table.fail("type", f"no light is of type {kind!r}; {hint}")
+    parameters = fields(LIGHTS[kind])
+    table.check(("name", "type", *(field.name for field in parameters)))
+    values: dict[str, Any] = {}
+    for field in parameters:
+        default = None if field.default is MISSING else field.default
+        match field.name:
+            case "two_sided":
+                values[field.name] = table.boolean(field.name, True)
+            case "radius":
+                values[field.name] = table.number(field.name, default)
+            case "angle":
+                values[field.name] = _radians(table, field.name, default, MOST_DEGREES[kind])
+            case _:
+                values[field.name] = table.vector(field.name)
+    try:
+        return LIGHTS[kind](**values)
+    except Error as error:
+        table.fail(error.argument or "", str(error))
+
+
+def _radians(table: _Table, key: str, default: float | None, most: float) -> float:
+    degrees = table.number(key, default)
+    if not 0 <= degrees <= most:
+        table.fail(key, f"expected 0 to {most:g} degrees, got {degrees:g}")
+    return math.radians(degrees)
 
 
 def _ground(table: _Table) -> SceneMesh:

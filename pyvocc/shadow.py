@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ._arrays import AnyArray
+from ._arrays import AnyArray, broadcast, floats, split_rows
 from ._ffi import NOT_TRACED, Progress
-from ._query import QueryOptions, check_options
+from ._query import QueryOptions, check_options, sampling_of
 from ._values import integer, number, size_2d
 from .camera import PerspectiveCamera
 from .errors import InvalidArgument, InvalidType
-from .lights import RectLight, checked_lights
+from .lights import Light, checked_lights
 from .scene import Scene
 from .stats import Stats
 
@@ -40,7 +40,8 @@ class ShadowPass:
 
     Attributes:
         visibility: (L, H, W) float32, the visible share of each light's samples; -1 where
-            the light is behind the surface, and on the background.
+            nothing is traced: the surface is turned away from the light or out of its reach,
+            or it is background.
         counts: (L, H, W) uint16, visible samples; NOT_TRACED where visibility is -1.
         position: (H, W, 3), the shading points, moved off the surface by the offset; NaN on
             the background. float32, or float64 where the scene has an origin.
@@ -66,23 +67,26 @@ class ShadowPass:
 def shadow_pass(
     scene: Scene,
     camera: PerspectiveCamera,
-    lights: Iterable[RectLight],
+    lights: Iterable[Light],
     size: tuple[int, int] = (1024, 1024),
-    samples: int = 20,
+    samples: int = 16,
     *,
+    sampler: str = "sobol",
+    horizon: str = "sample",
     progress: Progress | None = None,
     offset: float | None = None,
     stats: Stats | None = None,
     **options: Unpack[QueryOptions],
 ) -> ShadowPass:
-    """Renders the soft shadows of area lights as the camera sees them.
+    """Renders the soft shadows of lights as the camera sees them.
 
     Args:
         scene: a built scene.
         camera: where the picture is taken from.
-        lights: any number of RectLight.
+        lights: any number of lights of any types.
         size: width and height in pixels.
         samples: shadow rays to each light and pixel, 1 to 65534.
+        sampler, horizon: as in `Scene.light_visibility`.
         progress: called with the fraction done; returns True to stop.
         offset: how far shading points are moved off the surface, >= 0, in the scene's unit;
             default 1e-4 of `scene.closed_extent`.
@@ -98,22 +102,25 @@ def shadow_pass(
         raise InvalidType(
             f"camera must be a PerspectiveCamera, not {type(camera).__name__}", argument="camera"
         )
-    rects = checked_lights(lights)
+    checked = checked_lights(lights)
     width, height = size_2d("size", size)
     sample_count = integer("samples", samples, 1, NOT_TRACED - 1)
+    sampling_of(sample_count, sampler, horizon)
     distance = _offset(scene, offset)
     check_options(progress, stats, options)
 
     start = time.perf_counter()
     pixels = tile_order(width, height)
-    points = _shading_points(scene, camera, (width, height), pixels, distance, progress, options)
+    points = _pixel_points(scene, camera, (width, height), pixels, distance, progress, options)
     middle = time.perf_counter()
     tiled = scene.light_visibility(
         points.position,
         points.normal,
-        rects,
+        checked,
         sample_count,
         pixels,
+        sampler=sampler,
+        horizon=horizon,
         progress=_part(progress, PRIMARY_SHARE, 1.0),
         stats=stats,
         **options,
@@ -125,8 +132,8 @@ def shadow_pass(
     visibility = np.where(counts == NOT_TRACED, np.float32(-1), counts / np.float32(sample_count))
     shape = (height, width)
     return ShadowPass(
-        visibility=visibility.reshape(len(rects), *shape),
-        counts=counts.reshape(len(rects), *shape),
+        visibility=visibility.reshape(len(checked), *shape),
+        counts=counts.reshape(len(checked), *shape),
         position=_scatter(points.position, pixels).reshape(*shape, 3),
         normal=_scatter(points.normal, pixels).reshape(*shape, 3),
         geom_id=_scatter(points.geom_id, pixels).reshape(shape),
@@ -147,16 +154,65 @@ def tile_order(width: int, height: int, tile: int = TILE) -> NDArray[np.uint32]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Points:
-    """Shading points, in the order of the pixels given."""
+class ShadingPoints:
+    """What rays see first, as shadow rays start from it; (...) is the rays' leading shape.
+
+    Attributes:
+        position: (..., 3), moved off the surface by the offset; NaN for a miss. float32, or
+            float64 where the scene has an origin.
+        normal: (..., 3) float32, the unit geometric normal on the side of the ray's origin; 0
+            for a miss.
+        geom_id, prim_id: (...) int32, the mesh and its triangle; -1 for a miss.
+        t: (...) float32, in units of dir; infinity for a miss.
+    """
 
     position: AnyArray
     normal: NDArray[np.float32]
     geom_id: NDArray[np.int32]
     prim_id: NDArray[np.int32]
+    t: NDArray[np.float32]
 
 
-def _shading_points(
+def shading_points(
+    scene: Scene,
+    org: ArrayLike,
+    dir: ArrayLike,
+    *,
+    offset: float | None = None,
+    packets: bool = True,
+    isa: str = "auto",
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> ShadingPoints:
+    """What rays see first, ready for `Scene.light_visibility` and `Scene.ambient_occlusion`.
+
+    Args:
+        org, dir, packets, isa, threads, progress: as in `Scene.intersect`.
+        offset: how far points are moved off the surface, >= 0, in the scene's unit; default
+            `scene.safe_offset`, the smallest that keeps them on their side of it.
+
+    Raises:
+        As the methods of Scene.
+    """
+    if not isinstance(scene, Scene):
+        raise InvalidType(f"scene must be a Scene, not {type(scene).__name__}", argument="scene")
+    orgs, dirs = floats("org", org), floats("dir", dir)
+    lead = broadcast({"org": split_rows("org", orgs, 3), "dir": split_rows("dir", dirs, 3)})
+    distance = scene.safe_offset if offset is None else _distance(offset)
+    hits = scene.intersect(orgs, dirs, packets=packets, isa=isa, threads=threads, progress=progress)
+    moved = bool(scene.origin.any())
+    position = np.full((*lead, 3), np.nan, np.float64 if moved else np.float32)
+    normal = np.zeros((*lead, 3), np.float32)
+    hit = hits.prim_id >= 0
+    corners = scene.corners(hits.geom_id[hit], hits.prim_id[hit])
+    starts = orgs if orgs.ndim == 1 else np.broadcast_to(orgs, (*lead, 3))[hit]
+    ways = np.broadcast_to(dirs, (*lead, 3))[hit].astype(np.float32)
+    at, normal[hit] = shading_point(corners, starts - scene.origin, ways, hits.t[hit], distance)
+    position[hit] = at + scene.origin if moved else at
+    return ShadingPoints(position, normal, hits.geom_id, hits.prim_id, hits.t)
+
+
+def _pixel_points(
     scene: Scene,
     camera: PerspectiveCamera,
     size: tuple[int, int],
@@ -164,38 +220,34 @@ def _shading_points(
     offset: float,
     progress: Progress | None,
     options: QueryOptions,
-) -> _Points:
+) -> ShadingPoints:
+    """What these pixels show, chunk by chunk."""
     count = len(pixels)
-    moved = bool(scene.origin.any())
-    points = _Points(
-        np.full((count, 3), np.nan, np.float64 if moved else np.float32),
-        np.zeros((count, 3), np.float32),
-        np.empty(count, np.int32),
-        np.empty(count, np.int32),
-    )
+    chunks = []
     for first in range(0, count, CHUNK):
-        part = slice(first, first + CHUNK)
-        org, dir = camera.rays(size, pixels[part])
-        hits = scene.intersect(
-            org,
-            dir,
-            packets=options.get("packets", True),
-            isa=options.get("isa", "auto"),
-            threads=options.get("threads"),
-            progress=_part(
-                progress,
-                PRIMARY_SHARE * first / count,
-                PRIMARY_SHARE * min(first + CHUNK, count) / count,
-            ),
+        org, dir = camera.rays(size, pixels[first : first + CHUNK])
+        chunks.append(
+            shading_points(
+                scene,
+                org,
+                dir,
+                offset=offset,
+                packets=options.get("packets", True),
+                isa=options.get("isa", "auto"),
+                threads=options.get("threads"),
+                progress=_part(
+                    progress,
+                    PRIMARY_SHARE * first / count,
+                    PRIMARY_SHARE * min(first + CHUNK, count) / count,
+                ),
+            )
         )
-        points.geom_id[part] = hits.geom_id
-        points.prim_id[part] = hits.prim_id
-        hit = np.flatnonzero(hits.prim_id >= 0)
-        corners = scene.corners(hits.geom_id[hit], hits.prim_id[hit])
-        position, normal = shading_point(corners, org - scene.origin, dir[hit], hits.t[hit], offset)
-        points.position[part][hit] = position + scene.origin if moved else position
-        points.normal[part][hit] = normal
-    return points
+    return ShadingPoints(
+        *(
+            np.concatenate([getattr(chunk, field.name) for chunk in chunks])
+            for field in fields(ShadingPoints)
+        )
+    )
 
 
 def shading_point(
@@ -213,7 +265,7 @@ def shading_point(
 
     Args:
         corners: (n, 3, 3) of the triangles hit.
-        org: (3,), relative to the scene's origin as the corners are.
+        org: (3,) or (n, 3), relative to the scene's origin as the corners are.
         dir: (n, 3).
         t: (n,), of the hits.
         offset: along the normal that faces org.
@@ -251,6 +303,10 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
 def _offset(scene: Scene, offset: float | None) -> float:
     if offset is None:
         return OFFSET * scene.closed_extent
+    return _distance(offset)
+
+
+def _distance(offset: float) -> float:
     value = number("offset", offset)
     if not 0 <= value < math.inf:
         raise InvalidArgument(

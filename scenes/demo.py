@@ -1,7 +1,7 @@
 """Renders the soft shadows of three scenes twice, with and without volumetric occluders.
 
 ``make demo`` runs this.  It writes its closed meshes (seeded, nothing is downloaded) to
-out/meshes, renders each scene of this folder under five area lights by the baseline and with
+out/meshes, renders each scene of this folder under five lights by the baseline and with
 occluders, compares the two, tells what each cost, and leaves the images under out/, all on
 one sheet in out/contact_sheet.png.  Exit code 1: an image differs, which must not be.
 """

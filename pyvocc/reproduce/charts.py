@@ -19,7 +19,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 # Figures over bars, beyond which they would run into each other.
 MOST_FIGURES = 32
 
-_STYLE: Any = {
+STYLE: Any = {
     "font.family": "sans-serif",
     "font.size": 10,
     "axes.titlesize": 11,
@@ -123,7 +123,7 @@ def bars(
     from matplotlib.figure import Figure
 
     places = len(series) // stacked if stacked else len(series)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure: Any = Figure(figsize=(9.6, 3.7), layout="constrained")
         axes: Any = figure.add_subplot()
         width = 0.84 / places
@@ -171,7 +171,7 @@ def panels(xs: Sequence[int], plots: Sequence[Panel]) -> bytes:
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         columns = min(len(plots), 2)
         down = -(-len(plots) // columns)
         figure: Any = Figure(figsize=(9.6, 0.6 + 3.0 * down), layout="constrained")

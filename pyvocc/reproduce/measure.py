@@ -347,6 +347,8 @@ class Measured:
             RECT_LIGHTS,
             self.settings.samples,
             points.pixels,
+            sampler="jitter",
+            horizon="centre",
             stats=stats,
             steps=steps,
             **mode.options,
@@ -445,7 +447,7 @@ def split_rays(
     rows = np.flatnonzero(np.isin(tile, chosen))
     position, pixels = points.position[rows], points.pixels[rows]
     counts = scene.light_visibility(
-        position, points.normal[rows], RECT_LIGHTS, 1, pixels, threads=1
+        position, points.normal[rows], RECT_LIGHTS, 1, pixels, horizon="centre", threads=1
     )
     traced = (counts != NOT_TRACED).T
     dir = np.stack(

@@ -231,11 +231,23 @@ static vocc_status run_light(const vocc_scene *scene, const ray_set *set,
                              vocc_error *error)
 {
     const vocc_rays rays = rays_view(set, 0, set->count);
-    const vocc_rect_light light = {{-1, 3, -1}, {2, 0, 0}, {0, 0, 2}};
+    const vocc_light light = RECT(-1, 3, -1, 2, 0, 0, 0, 0, 2);
     vocc_array none;
     memset(&none, 0, sizeof(none));
     return vocc_light_visibility(scene, set->count, rays.org, rays.dir, none, 1,
-                                 &light, 4, out, options, error);
+                                 &light, SAMPLING(4), out, NULL, NULL, options,
+                                 error);
+}
+
+static vocc_status run_occlusion(const vocc_scene *scene, const ray_set *set,
+                                 const vocc_query_options *options, void *out,
+                                 vocc_error *error)
+{
+    const vocc_rays rays = rays_view(set, 0, set->count);
+    vocc_array none;
+    memset(&none, 0, sizeof(none));
+    return vocc_ambient_occlusion(scene, set->count, rays.org, rays.dir, none,
+                                  0.5, NULL, out, NULL, options, error);
 }
 
 static vocc_status run_classify_by_rays(const vocc_scene *scene,
@@ -256,6 +268,7 @@ static const query_case query_cases[] = {
     {"intersect", run_intersect, 4},
     {"region", run_region, 4},
     {"light_visibility", run_light, 2},
+    {"ambient_occlusion", run_occlusion, 2},
     {"classify_by_rays", run_classify_by_rays, 4},
 };
 

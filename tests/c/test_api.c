@@ -504,7 +504,7 @@ static void life_cycle(void)
     vocc_hits hits;
     memset(&hits, 0, sizeof(hits));
     hits.geom_id = ids;
-    const vocc_rect_light light = {{0, 0, 3}, {1, 0, 0}, {0, 1, 0}};
+    const vocc_light light = RECT(0, 0, 3, 1, 0, 0, 0, 1, 0);
     uint16_t visible = 0;
     vocc_array none;
     memset(&none, 0, sizeof(none));
@@ -524,7 +524,8 @@ static void life_cycle(void)
     EXPECT(vocc_region(scene, 1, rays.org, ids, NULL, &error),
            VOCC_ERROR_NOT_BUILT, "", -1, NAN);
     EXPECT(vocc_light_visibility(scene, 1, rays.org, rays.dir, none, 1, &light,
-                                 4, &visible, NULL, &error),
+                                 SAMPLING(4), &visible, NULL, NULL, NULL,
+                                 &error),
            VOCC_ERROR_NOT_BUILT, "", -1, NAN);
     EXPECT(vocc_scene_report(scene, &report, &error), VOCC_ERROR_NOT_BUILT, "",
            -1, NAN);
@@ -809,12 +810,13 @@ static vocc_status call_light(const vocc_scene *scene, const vocc_rays *rays,
                               const vocc_query_options *options,
                               vocc_error *error)
 {
-    const vocc_rect_light light = {{0, 0, 3}, {1, 0, 0}, {0, 1, 0}};
+    const vocc_light light = RECT(0, 0, 3, 1, 0, 0, 0, 1, 0);
     uint16_t out[4];
     vocc_array none;
     memset(&none, 0, sizeof(none));
     return vocc_light_visibility(scene, rays->count, rays->org, rays->dir, none,
-                                 1, &light, 4, out, options, error);
+                                 1, &light, SAMPLING(4), out, NULL, NULL,
+                                 options, error);
 }
 
 static vocc_status call_classify_by_rays(const vocc_scene *scene,
@@ -990,13 +992,13 @@ static void light_arguments(void)
     const vocc_array normals = rows_of(two_dir, 12, VOCC_FLOAT32);
     const uint32_t ids[2] = {3, 5};
     const vocc_array point_ids = rows_of(ids, 4, VOCC_UINT32);
-    const vocc_rect_light light = {{0, 0, 3}, {1, 0, 0}, {0, 1, 0}};
+    const vocc_light light = RECT(0, 0, 3, 1, 0, 0, 0, 1, 0);
     uint16_t out[2];
     vocc_array none, bad;
     memset(&none, 0, sizeof(none));
 #define LIGHT(points_, normals_, ids_, n, lights_, samples_, out_)             \
     vocc_light_visibility(scene, 2, points_, normals_, ids_, n, lights_,       \
-                          samples_, out_, NULL, &error)
+                          SAMPLING(samples_), out_, NULL, NULL, NULL, &error)
     EXPECT(LIGHT(none, normals, none, 1, &light, 4, out), INVALID, "points", -1,
            0.0);
     bad = points;
@@ -1024,24 +1026,24 @@ static void light_arguments(void)
            "samples", -1, 65535.0);
     EXPECT(LIGHT(points, normals, none, 1, &light, 4, NULL), INVALID, "visible",
            -1, NAN);
-    vocc_rect_light bad_lights[3] = {light, light, light};
+    vocc_light bad_lights[3] = {light, light, light};
     bad_lights[2].edge_u[1] = (double)NAN;
     EXPECT(LIGHT(points, normals, none, 3, bad_lights, 4, out), INVALID,
            "lights", 2, NAN);
-    bad_lights[1].corner[0] = HUGE_VAL;
+    bad_lights[1].position[0] = HUGE_VAL;
     EXPECT(LIGHT(points, normals, none, 3, bad_lights, 4, out), INVALID,
            "lights", 1, HUGE_VAL);
 #undef LIGHT
     /* No lights: nothing to do. */
-    CHECK_INT(vocc_light_visibility(scene, 2, points, normals, none, 0, NULL, 4,
-                                    NULL, NULL, NULL),
+    CHECK_INT(vocc_light_visibility(scene, 2, points, normals, none, 0, NULL,
+                                    NULL, NULL, NULL, NULL, NULL, NULL),
               VOCC_OK);
     /* The result would not fit in memory. */
-    EXPECT(vocc_light_visibility(
-               scene, SIZE_MAX / 2, points, normals, none, 4,
-               (const vocc_rect_light[4]){light, light, light, light}, 4, out,
-               NULL, &error),
-           VOCC_ERROR_LIMIT, "count", -1, (double)(SIZE_MAX / 2));
+    EXPECT(
+        vocc_light_visibility(scene, SIZE_MAX / 2, points, normals, none, 4,
+                              (const vocc_light[4]){light, light, light, light},
+                              SAMPLING(4), out, NULL, NULL, NULL, &error),
+        VOCC_ERROR_LIMIT, "count", -1, (double)(SIZE_MAX / 2));
     vocc_scene_free(scene);
 }
 
@@ -1159,13 +1161,14 @@ static void check_empty(vocc_scene *scene, int meshes)
                  VOCC_OK);
     CHECK_INT(region[0], 0);
     CHECK_INT(region[1], 0);
-    const vocc_rect_light light = {{0, 3, 0}, {1, 0, 0}, {0, 0, 1}};
+    const vocc_light light = RECT(0, 3, 0, 1, 0, 0, 0, 0, 1);
     uint16_t visible[2] = {9, 9};
     vocc_array none;
     memset(&none, 0, sizeof(none));
-    CHECK_STATUS(vocc_light_visibility(
-                     scene, 2, rays.org, rows_of(two_dir + 3, 0, VOCC_FLOAT32),
-                     none, 1, &light, 7, visible, NULL, &error),
+    CHECK_STATUS(vocc_light_visibility(scene, 2, rays.org,
+                                       rows_of(two_dir + 3, 0, VOCC_FLOAT32),
+                                       none, 1, &light, SAMPLING(7), visible,
+                                       NULL, NULL, NULL, &error),
                  &error, VOCC_OK);
     CHECK_INT(visible[0], 7);
     CHECK_INT(visible[1], 7);

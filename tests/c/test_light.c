@@ -2,6 +2,7 @@
  * traced one by one with the baseline, for lights outside of, inside of and
  * cutting the meshes, with all options; and the sampler is the documented one
  * to the last bit. */
+#include "receivers.h"
 #include "world.h"
 
 #include <math.h>
@@ -29,7 +30,7 @@ static float rounded(float x)
     return y;
 }
 
-static void sample_point(const vocc_rect_light *light, uint32_t point_id,
+static void sample_point(const vocc_light *light, uint32_t point_id,
                          uint32_t number, uint32_t sample, uint32_t samples,
                          float out[3])
 {
@@ -47,24 +48,18 @@ static void sample_point(const vocc_rect_light *light, uint32_t point_id,
     for (int k = 0; k < 3; k++) {
         const float first = rounded(a * (float)light->edge_u[k]);
         const float second = rounded(b * (float)light->edge_v[k]);
-        out[k] = rounded(rounded((float)light->corner[k] + first) + second);
+        out[k] = rounded(rounded((float)light->position[k] + first) + second);
     }
 }
 
 /* ---- the reference ----------------------------------------------------- */
 
-typedef struct receivers {
-    size_t count;
-    float *points, *normals; /* rows of 3 */
-    uint32_t *ids;           /* NULL: 0, 1, 2, ... */
-} receivers;
-
-static int is_lit(const receivers *r, size_t i, const vocc_rect_light *light)
+static int is_lit(const receivers *r, size_t i, const vocc_light *light)
 {
     double sum = 0.0;
     for (size_t k = 0; k < 3; k++) {
-        const double centre =
-            light->corner[k] + 0.5 * light->edge_u[k] + 0.5 * light->edge_v[k];
+        const double centre = light->position[k] + 0.5 * light->edge_u[k] +
+                              0.5 * light->edge_v[k];
         if (!isfinite(r->points[3 * i + k]))
             return 0;
         sum += (double)r->normals[3 * i + k] *
@@ -74,7 +69,7 @@ static int is_lit(const receivers *r, size_t i, const vocc_rect_light *light)
 }
 
 static void expected_counts(const world *w, const receivers *r,
-                            size_t light_count, const vocc_rect_light *lights,
+                            size_t light_count, const vocc_light *lights,
                             uint32_t samples, uint16_t *visible)
 {
     ray_set set;
@@ -113,7 +108,7 @@ static void expected_counts(const world *w, const receivers *r,
 }
 
 static vocc_status query(const world *w, const receivers *r, size_t light_count,
-                         const vocc_rect_light *lights, int32_t samples,
+                         const vocc_light *lights, int32_t samples,
                          uint16_t *visible, const vocc_query_options *options,
                          vocc_error *error)
 {
@@ -121,7 +116,7 @@ static vocc_status query(const world *w, const receivers *r, size_t light_count,
     return vocc_light_visibility(
         w->scene, r->count, rows_of(r->points, 12, VOCC_FLOAT32),
         rows_of(r->normals, 12, VOCC_FLOAT32), ids, light_count, lights,
-        samples, visible, options, error);
+        SAMPLING(samples), visible, NULL, NULL, options, error);
 }
 
 static void compare_counts(int line, const char *what, const receivers *r,
@@ -140,85 +135,21 @@ static void compare_counts(int line, const char *what, const receivers *r,
     }
 }
 
-/* ---- the places -------------------------------------------------------- */
-
-/* Points off, on and inside the surface; normals mostly outward. */
-static void receivers_make(receivers *r, const shape *s, size_t count)
-{
-    test_random random = random_seed(4711);
-    double lower[3], upper[3];
-    shape_bounds(s, lower, upper);
-    r->count = count;
-    r->points = malloc(3 * count * sizeof(float));
-    r->normals = malloc(3 * count * sizeof(float));
-    r->ids = NULL;
-    REQUIRE(r->points && r->normals);
-    for (size_t i = 0; i < count; i++) {
-        float *p = r->points + 3 * i, *n = r->normals + 3 * i;
-        const mesh *m =
-            &s->parts[random_below(&random, (uint32_t)s->part_count)].m;
-        const size_t t = random_below(&random, (uint32_t)m->triangle_count);
-        const float *c[3];
-        double cross[3], length = 0.0;
-        for (int k = 0; k < 3; k++)
-            c[k] = mesh_corner(m, t, k);
-        for (int k = 0; k < 3; k++) {
-            const int x = (k + 1) % 3, y = (k + 2) % 3;
-            cross[k] = ((double)c[1][x] - (double)c[0][x]) *
-                           ((double)c[2][y] - (double)c[0][y]) -
-                       ((double)c[1][y] - (double)c[0][y]) *
-                           ((double)c[2][x] - (double)c[0][x]);
-            length += cross[k] * cross[k];
-        }
-        length = length > 0.0 ? sqrt(length) : 1.0;
-        const double u = random_in(&random, 0, 0.5),
-                     v = random_in(&random, 0, 0.5);
-        const double off = i % 8 == 0 ? 0.0 : i % 8 == 1 ? -1e-4 : 1e-4;
-        for (int k = 0; k < 3; k++) {
-            n[k] = (float)(cross[k] / length);
-            p[k] = (float)((double)c[0][k] +
-                           u * ((double)c[1][k] - (double)c[0][k]) +
-                           v * ((double)c[2][k] - (double)c[0][k]) +
-                           off * cross[k] / length);
-            if (i % 8 == 2) {
-                p[k] = (float)random_in(&random, lower[k] - 1, upper[k] + 1);
-                n[k] = (float)random_in(&random, -1, 1);
-            }
-        }
-        if (i % 64 == 3)
-            p[i / 64 % 3] = i & 128 ? NAN : HUGE_VALF;
-        if (i % 64 == 4)
-            n[i / 64 % 3] = NAN;
-        if (i % 64 == 5)
-            n[0] = n[1] = n[2] = 0.0f;
-        if (i % 64 == 6)
-            for (int k = 0; k < 3; k++)
-                n[k] *= 1e30f;
-    }
-}
-
-static void receivers_free(receivers *r)
-{
-    free(r->points);
-    free(r->normals);
-    free(r->ids);
-}
-
-static const vocc_rect_light lights[] = {
-    {{-0.5, 3, -0.5}, {1, 0, 0}, {0, 0, 1}},
-    {{1.75, 1.25, 2.25}, {0.5, 0, -0.5}, {0, 0.5, 0}},
-    {{-2.25, 1.75, 1.75}, {0.5, 0, 0.5}, {0, 0.5, 0}},
+static const vocc_light lights[] = {
+    RECT(-0.5, 3, -0.5, 1, 0, 0, 0, 0, 1),
+    RECT(1.75, 1.25, 2.25, 0.5, 0, -0.5, 0, 0.5, 0),
+    RECT(-2.25, 1.75, 1.75, 0.5, 0, 0.5, 0, 0.5, 0),
     /* inside */
-    {{-0.125, 0.0625, -0.0625}, {0.125, 0, 0}, {0, 0.0625, 0.0625}},
+    RECT(-0.125, 0.0625, -0.0625, 0.125, 0, 0, 0, 0.0625, 0.0625),
     /* cutting through everything */
-    {{-2, -2, 0.03125}, {4, 0, 0}, {0, 4, 0}},
+    RECT(-2, -2, 0.03125, 4, 0, 0, 0, 4, 0),
     /* a segment and a point */
-    {{-1, 2, 0}, {2, 0, 0}, {0, 0, 0}},
-    {{0.25, 0.75, 2}, {0, 0, 0}, {0, 0, 0}},
+    RECT(-1, 2, 0, 2, 0, 0, 0, 0, 0),
+    RECT(0.25, 0.75, 2, 0, 0, 0, 0, 0, 0),
     /* in the plane of a box's side, and touching its corner */
-    {{0.75, -0.75, -0.75}, {0, 1.5, 0}, {0, 0, 1.5}},
+    RECT(0.75, -0.75, -0.75, 0, 1.5, 0, 0, 0, 1.5),
     /* slanted: its bounds hold most of the mesh, itself it is outside */
-    {{-2, -2.75, -1}, {4, 0, 0}, {0, 4, 4}},
+    RECT(-2, -2.75, -1, 4, 0, 0, 0, 4, 4),
 };
 #define LIGHTS (sizeof(lights) / sizeof(lights[0]))
 
@@ -326,7 +257,7 @@ static void sample_numbers(void)
     static const int32_t numbers[] = {1,  2,  3,   4,   5,    12,
                                       97, 99, 100, 360, 4096, 65534};
     for (size_t i = 0; i < sizeof(numbers) / sizeof(numbers[0]); i++) {
-        const vocc_rect_light light = {{4, -1, -1}, {0, 2, 0}, {0, 0, 2}};
+        const vocc_light light = RECT(4, -1, -1, 0, 2, 0, 0, 0, 2);
         uint16_t visible[2] = {0, 0}, expected[2];
         vocc_error error;
         CHECK_STATUS(
@@ -339,51 +270,6 @@ static void sample_numbers(void)
     }
     world_free(&w);
     shape_free(&s);
-}
-
-/* Patches of neighbouring points just off the surface, as pixels see it: what
- * entry points and voxels settle at once.  Some patches are as small as their
- * distance from the surface, some points are exactly on it. */
-static void patches_make(receivers *r, const shape *s, size_t count,
-                         double spread, double off)
-{
-    test_random random = random_seed(815);
-    r->count = count;
-    r->points = malloc(3 * count * sizeof(float));
-    r->normals = malloc(3 * count * sizeof(float));
-    r->ids = NULL;
-    REQUIRE(r->points && r->normals);
-    for (size_t i = 0; i < count;) {
-        const mesh *m =
-            &s->parts[random_below(&random, (uint32_t)s->part_count)].m;
-        const size_t t = random_below(&random, (uint32_t)m->triangle_count);
-        const float *c[3];
-        double e[2][3], n[3], length = 0.0;
-        for (int k = 0; k < 3; k++)
-            c[k] = mesh_corner(m, t, k);
-        for (int k = 0; k < 3; k++) {
-            e[0][k] = (double)c[1][k] - (double)c[0][k];
-            e[1][k] = (double)c[2][k] - (double)c[0][k];
-        }
-        for (int k = 0; k < 3; k++) {
-            const int x = (k + 1) % 3, y = (k + 2) % 3;
-            n[k] = e[0][x] * e[1][y] - e[0][y] * e[1][x];
-            length += n[k] * n[k];
-        }
-        length = length > 0.0 ? sqrt(length) : 1.0;
-        const size_t end = i + 100 < count ? i + 100 : count;
-        const double u0 = random_in(&random, 0, 1), v0 = 1.0 - u0;
-        for (; i < end; i++) {
-            const double u = u0 + spread * random_in(&random, -1, 1),
-                         v = v0 + spread * random_in(&random, -1, 1);
-            for (int k = 0; k < 3; k++) {
-                r->normals[3 * i + (size_t)k] = (float)(n[k] / length);
-                r->points[3 * i + (size_t)k] =
-                    (float)((double)c[0][k] + u * e[0][k] + v * e[1][k] +
-                            (i % 16 ? off : 0.0) * n[k] / length);
-            }
-        }
-    }
 }
 
 static void neighbours(void)
@@ -400,21 +286,22 @@ static void neighbours(void)
             shape s;
             world w;
             receivers r;
-            vocc_rect_light moved[LIGHTS];
+            vocc_light moved[LIGHTS];
             if (kind > 1 && kind % 3 != i % 3)
                 continue;
             test_context(shape_name(i));
             shape_make(&s, i, 1);
-            patches_make(&r, &s, test_scaled(1200, 300), kinds[kind].spread,
-                         kinds[kind].off);
+            receivers_make_patches(&r, &s, test_scaled(1200, 300),
+                                   kinds[kind].spread, kinds[kind].off);
             for (int p = 0; p < s.part_count; p++)
                 mesh_move(&s.parts[p].m, 0, scale, 0, 0, 0);
             for (size_t k = 0; k < 3 * r.count; k++)
                 r.points[k] = (float)((double)r.points[k] * scale);
+            memcpy(moved, lights, sizeof(moved));
             for (size_t l = 0; l < LIGHTS; l++)
                 for (int k = 0; k < 3; k++) {
-                    moved[l].corner[k] =
-                        (double)(float)(lights[l].corner[k] * scale);
+                    moved[l].position[k] =
+                        (double)(float)(lights[l].position[k] * scale);
                     moved[l].edge_u[k] =
                         (double)(float)(lights[l].edge_u[k] * scale);
                     moved[l].edge_v[k] =
@@ -530,7 +417,7 @@ static void concave(void)
         points[3 * i + 2] = (float)z;
     }
     float up[3] = {0, 1, 0};
-    const vocc_rect_light light = {{-0.1, 3, -0.1}, {0.2, 0, 0}, {0, 0, 0.2}};
+    const vocc_light light = RECT(-0.1, 3, -0.1, 0.2, 0, 0, 0, 0, 0.2);
     for (int32_t samples = 1; samples <= 16; samples *= 4) {
         vocc_counters traced, searched;
         uint64_t rays = (uint64_t)samples * COUNT;
@@ -545,8 +432,9 @@ static void concave(void)
             CHECK_STATUS(vocc_light_visibility(
                              w.scene, COUNT, rows_of(points, 12, VOCC_FLOAT32),
                              rows_of(up, 0, VOCC_FLOAT32),
-                             rows_of(NULL, 0, VOCC_UINT32), 1, &light, samples,
-                             visible, &options, &error),
+                             rows_of(NULL, 0, VOCC_UINT32), 1, &light,
+                             SAMPLING(samples), visible, NULL, NULL, &options,
+                             &error),
                          &error, VOCC_OK);
             for (size_t i = 0; i < COUNT; i++)
                 CHECK_INT(visible[i], samples);
@@ -570,7 +458,7 @@ static void layouts(void)
     world w;
     shape_make(&s, 0, 0);
     world_make(&w, &s, NULL);
-    const vocc_rect_light light = {{-1, 2, -1}, {2, 0, 0}, {0, 0, 2}};
+    const vocc_light light = RECT(-1, 2, -1, 2, 0, 0, 0, 0, 2);
     float point[9] = {0, 1.5f, 0, 0, 1.5f, 0, 0, 2, 0};
     float normal[9] = {0, 1, 0, 1, 0, 0, 0, 1, 0};
     const receivers r = {3, point, normal, NULL};
@@ -592,15 +480,17 @@ static void layouts(void)
     const uint32_t ids[3] = {2, 1, 0};
     vocc_array point_ids = rows_of(ids + 2, 0, VOCC_UINT32);
     point_ids.stride = -(ptrdiff_t)sizeof(uint32_t);
-    CHECK_STATUS(vocc_light_visibility(
-                     w.scene, 3, points, rows_of(wide + 9, 24, VOCC_FLOAT64),
-                     point_ids, 1, &light, 9, again, NULL, &error),
+    CHECK_STATUS(vocc_light_visibility(w.scene, 3, points,
+                                       rows_of(wide + 9, 24, VOCC_FLOAT64),
+                                       point_ids, 1, &light, SAMPLING(9), again,
+                                       NULL, NULL, NULL, &error),
                  &error, VOCC_OK);
     CHECK(memcmp(visible, again, sizeof(visible)) == 0);
     /* One normal for all. */
-    CHECK_STATUS(vocc_light_visibility(
-                     w.scene, 3, points, rows_of(wide + 9, 0, VOCC_FLOAT64),
-                     point_ids, 1, &light, 9, again, NULL, &error),
+    CHECK_STATUS(vocc_light_visibility(w.scene, 3, points,
+                                       rows_of(wide + 9, 0, VOCC_FLOAT64),
+                                       point_ids, 1, &light, SAMPLING(9), again,
+                                       NULL, NULL, NULL, &error),
                  &error, VOCC_OK);
     CHECK_INT(again[0], 9);
     CHECK_INT(again[1], 9);

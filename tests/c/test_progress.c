@@ -128,16 +128,15 @@ static void build(void)
     build_watched(3, 1);
 }
 
-enum { QUERIES = 5 };
+enum { QUERIES = 6 };
 
 /* Query q of them, with progress. */
 static vocc_status run_query(int q, const world *w, const ray_set *set,
                              void *out, const vocc_query_options *options,
                              vocc_error *error)
 {
-    static const vocc_rect_light lights[2] = {
-        {{-1, 3, -1}, {2, 0, 0}, {0, 0, 2}},
-        {{-3, -1, -1}, {0, 2, 0}, {0, 0, 2}}};
+    static const vocc_light lights[2] = {RECT(-1, 3, -1, 2, 0, 0, 0, 0, 2),
+                                         RECT(-3, -1, -1, 0, 2, 0, 0, 0, 2)};
     const vocc_rays rays = rays_view(set, 0, set->count);
     vocc_array none;
     vocc_hits hits;
@@ -156,9 +155,14 @@ static vocc_status run_query(int q, const world *w, const ray_set *set,
     case 3:
         return vocc_scene_classify_by_rays(w->scene, NULL, set->count, out,
                                            &labels, options, error);
+    case 4:
+        return vocc_ambient_occlusion(w->scene, set->count, rays.org, rays.dir,
+                                      none, 0.5, SAMPLING(8), out, NULL,
+                                      options, error);
     default:
         return vocc_light_visibility(w->scene, set->count, rays.org, rays.dir,
-                                     none, 2, lights, 8, out, options, error);
+                                     none, 2, lights, SAMPLING(8), out, NULL,
+                                     NULL, options, error);
     }
 }
 

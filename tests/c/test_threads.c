@@ -65,7 +65,7 @@ static void *use(void *context)
     user *u = context;
     const size_t n = u->set->count;
     const vocc_rays rays = rays_view(u->set, 0, n);
-    const vocc_rect_light light = {{-1, 3, -1}, {2, 0, 0}, {0, 0, 2}};
+    const vocc_light light = RECT(-1, 3, -1, 2, 0, 0, 0, 0, 2);
     vocc_array none;
     vocc_hits hits;
     vocc_query_options options;
@@ -114,9 +114,9 @@ static void *use(void *context)
                 u->scene, NULL, n, u->out.label, &labels, &options, NULL);
             break;
         default:
-            status = vocc_light_visibility(u->scene, n, rays.org, rays.dir,
-                                           none, 1, &light, 3, u->out.visible,
-                                           &options, NULL);
+            status = vocc_light_visibility(
+                u->scene, n, rays.org, rays.dir, none, 1, &light, SAMPLING(3),
+                u->out.visible, NULL, NULL, &options, NULL);
             break;
         }
         u->errors += status != VOCC_OK;

@@ -36,6 +36,19 @@ vocc_status add_part(vocc_scene *scene, const mesh *m, int occluder,
 /* Rays first .. first + count - 1 of the set, strided in place. */
 vocc_rays rays_view(const ray_set *set, size_t first, size_t count);
 
+/* ---- lights ----------------------------------------------------------- */
+
+#define RECT(x, y, z, ux, uy, uz, vx, vy, vz)                                  \
+    {.position = {x, y, z},                                                    \
+     .edge_u = {ux, uy, uz},                                                   \
+     .edge_v = {vx, vy, vz},                                                   \
+     .type = VOCC_LIGHT_RECT}
+
+/* The sampling that needs fewest lines to repeat. */
+#define SAMPLING(samples)                                                      \
+    (&(vocc_sampling){sizeof(vocc_sampling), (samples), VOCC_SAMPLER_JITTER,   \
+                      VOCC_HORIZON_CENTRE})
+
 /* ---- modes ------------------------------------------------------------- */
 
 /* What else there is, in turns; the rest has its default. */

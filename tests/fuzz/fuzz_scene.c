@@ -189,17 +189,48 @@ static void query(const vocc_scene *scene, bytes *b)
     expect(vocc_region(scene, count, view.org, region, NULL, NULL) == VOCC_OK,
            "region failed");
     uint16_t visible[MOST_RAYS];
-    vocc_rect_light light;
+    float share[MOST_RAYS];
+    vocc_light light;
+    vocc_sampling sampling;
     vocc_array none;
     memset(&none, 0, sizeof(none));
+    vocc_sampling_init(&sampling);
     for (int k = 0; k < 3; k++) {
-        light.corner[k] = (double)take_float(b);
+        light.position[k] = (double)take_float(b);
         light.edge_u[k] = (double)take_float(b);
         light.edge_v[k] = (double)take_float(b);
+        light.direction[k] = (double)take_float(b);
     }
-    (void)vocc_light_visibility(scene, count, view.org, view.dir, none, 1,
-                                &light, 1 + (int32_t)(take(b, 1) % 20), visible,
-                                NULL, NULL);
+    light.radius = (double)take_float(b);
+    light.angle = (double)take_float(b);
+    light.type = (int32_t)(take(b, 1) % (VOCC_LIGHT_SUN + 2));
+    light.one_sided = (int32_t)(take(b, 1) % 2);
+    sampling.samples = 1 + (int32_t)(take(b, 1) % 20);
+    sampling.sampler = (int32_t)(take(b, 1) % 2);
+    sampling.horizon = (int32_t)(take(b, 1) % 2);
+    if (vocc_light_visibility(scene, count, view.org, view.dir, none, 1, &light,
+                              &sampling, visible, share, NULL, NULL,
+                              NULL) == VOCC_OK) {
+        uint16_t again[MOST_RAYS];
+        vocc_query_options plain;
+        vocc_query_options_init(&plain);
+        plain.order = VOCC_ORDER_STANDARD;
+        plain.occluders = 0;
+        expect(vocc_light_visibility(scene, count, view.org, view.dir, none, 1,
+                                     &light, &sampling, again, NULL, NULL,
+                                     &plain, NULL) == VOCC_OK,
+               "light_visibility failed");
+        for (uint32_t i = 0; i < count; i++) {
+            expect(visible[i] == again[i], "light_visibility does not agree");
+            expect(visible[i] == VOCC_NOT_TRACED
+                       ? share[i] != share[i]
+                       : share[i] >= 0.0f && share[i] <= 1.0f,
+                   "irradiance is not a share");
+        }
+    }
+    (void)vocc_ambient_occlusion(scene, count, view.org, view.dir, none,
+                                 (double)take_float(b), &sampling, visible,
+                                 NULL, NULL, NULL);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

@@ -43,6 +43,12 @@ CALLS: dict[str, Call] = {
     "light_visibility": lambda scene, **options: scene.light_visibility(
         ORG[:200_000], -DIR[:200_000], [LIGHT], **options
     ),
+    "light_irradiance": lambda scene, **options: scene.light_irradiance(
+        ORG[:200_000], -DIR[:200_000], [LIGHT], **options
+    ),
+    "ambient_occlusion": lambda scene, **options: scene.ambient_occlusion(
+        ORG[:200_000], -DIR[:200_000], **options
+    ),
 }
 # One ray a leaf is over in some milliseconds, too soon for Ctrl-C.
 LONG_CALLS = [name for name in CALLS if name != "classify_by_rays"]
@@ -182,6 +188,13 @@ calls = dict(
     light_visibility=lambda: scene.light_visibility(
         org[:1000], -dir[:1000], [light], 60000, entry_points=False
     ),
+    light_irradiance=lambda: scene.light_irradiance(
+        org[:1000], -dir[:1000], [pyvocc.SunLight((0, 1, 0), 3)], 60000
+    ),
+    ambient_occlusion=lambda: scene.ambient_occlusion(org[:1000], -dir[:1000], 1.0, 60000),
+    below=lambda: scene.light_visibility(
+        org[:1000], dir[:1000], [pyvocc.SunLight((0, 1, 0), np.pi)], 60000
+    ),
     many_lights=lambda: scene.light_visibility(org[:256], -dir[:256], [light] * 300_000, 1),
     shadow_pass=lambda: pyvocc.shadow_pass(scene, camera, [light], (2048, 2048), 8192),
 )
@@ -213,7 +226,7 @@ def seconds_to_stop(name: str, threads: int) -> float:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("name", [*LONG_CALLS, "many_lights", "shadow_pass"])
+@pytest.mark.parametrize("name", [*LONG_CALLS, "below", "many_lights", "shadow_pass"])
 def test_ctrl_c_stops_every_call_within_a_fifth_of_a_second(name: str, threads: int) -> None:
     # The best of a few: the machine may have been busy with something else.
     assert any(seconds_to_stop(name, threads) < 0.2 for _ in range(4))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
+import light_model
 import numpy as np
 import pytest
 import shapes
 from conftest import SHARED, RandomRays
-from numpy.typing import NDArray
 
 import pyvocc
 from pyvocc.shadow import OFFSET, shading_point, tile_order
+from pyvocc.shapes import geodesic_sphere
 
 F = np.float32
+
+Small = tuple[pyvocc.Scene, pyvocc.PerspectiveCamera]
 
 # The lights of the benchmark workload.
 LIGHTS = [
@@ -27,82 +31,132 @@ LIGHTS = [
 CAMERA = pyvocc.PerspectiveCamera((0, 1.75, 2.25), (0, 0.375, 0), tan_half_fov=0.28)
 
 
-def strata(samples: int) -> tuple[int, int]:
-    nv = math.isqrt(samples)
-    while samples % nv:
-        nv -= 1
-    return samples // nv, nv
+# One of each type, as that type is most often; then what is less common.
+TYPES: dict[str, pyvocc.Light] = {
+    "rect": pyvocc.RectLight((-0.5, 0.7, -0.5), (1, 0, 0.2), (0.1, 0, 1)),
+    "disk": pyvocc.DiskLight((1, 1, 0), (0.5, 0, 0), (0, 0.2, 0.9)),
+    "sphere": pyvocc.SphereLight((0, 1.5, 0), 0.5),
+    "point": pyvocc.PointLight((0, 1, 2)),
+    "spot": pyvocc.SpotLight((0, 1, 2), (0, -1, -2), 1.0, radius=0.3),
+    "sun": pyvocc.SunLight((1, 2, 3), 0.5),
+}
+MORE: dict[str, pyvocc.Light] = {
+    "rect, one side": pyvocc.RectLight((-0.5, 0.7, -0.5), (1, 0, 0.2), (0, 0, 1), two_sided=False),
+    "disk, one side": pyvocc.DiskLight((1, 0.2, 0), (0.5, 0, 0), (0, 0.2, 0.9), two_sided=False),
+    "sphere around points": pyvocc.SphereLight((0.3, 0.5, 0), 1.7),
+    "sphere of radius 0": pyvocc.SphereLight((3, 2, 0), 0),
+    "point with a disk": pyvocc.PointLight((0, 1, 2), radius=0.7),
+    "wide spot": pyvocc.SpotLight((0, 1, 2), (0, -1, -2), 5.0),
+    "spot of all around": pyvocc.SpotLight((0, 1, 2), (0, 0, -1), 2 * math.pi, radius=0.2),
+    "sharp sun": pyvocc.SunLight((1e-200, 2e-200, 3e-200)),
+    "sun of half the sky": pyvocc.SunLight((-1, 2, -3), math.pi),
+}
+ALL = list({**TYPES, **MORE}.values())
 
 
-def sample_points(
-    light: pyvocc.RectLight, k: int, ids: NDArray[np.uint32], samples: int
-) -> NDArray[np.float32]:
-    """(len(ids), samples, 3): the sampler as its definition has it, in NumPy."""
-    nu, nv = strata(samples)
-    s = np.arange(samples)
-    h = ids[:, None].astype(np.uint64) * 2048 + k * 256 + s.astype(np.uint64)
-    mask = np.uint64(0xFFFFFFFF)
-    h &= mask
-    h ^= h >> np.uint64(16)
-    h = h * np.uint64(0x7FEB352D) & mask
-    h ^= h >> np.uint64(15)
-    h = h * np.uint64(0x846CA68B) & mask
-    h ^= h >> np.uint64(16)
-    j1 = (h & np.uint64(0xFFFF)).astype(F) * F(1 / 65536)
-    j2 = (h >> np.uint64(16)).astype(F) * F(1 / 65536)
-    a = ((s % nu).astype(F) + j1) * (F(1) / F(nu))
-    b = ((s // nu).astype(F) + j2) * (F(1) / F(nv))
-    p, u, v = (np.array(x, F) for x in (light.corner, light.edge_u, light.edge_v))
-    return (p + a[..., None] * u) + b[..., None] * v
-
-
-def visible(
-    scene: pyvocc.Scene,
-    points: NDArray[np.float32],
-    normals: NDArray[np.float32],
-    lights: list[pyvocc.RectLight],
-    samples: int,
-    ids: NDArray[np.uint32],
-) -> NDArray[np.uint16]:
-    """light_visibility by way of occluded."""
-    result = np.empty((len(lights), len(points)), np.uint16)
-    for k, light in enumerate(lights):
-        dir = sample_points(light, k, ids, samples) - points[:, None]
-        blocked = scene.occluded(points[:, None], dir, 0, 1)
-        facing = (normals.astype(float) * (np.array(light.center) - points)).sum(axis=1) > 0
-        result[k] = np.where(facing, (~blocked).sum(axis=1), pyvocc.NOT_TRACED)
-    return result
-
-
+@pytest.mark.parametrize("horizon", ["sample", "centre"])
+@pytest.mark.parametrize("sampler", ["sobol", "jitter"])
 @pytest.mark.parametrize("samples", [1, 7, 16, 20, 36])
 def test_light_visibility_traces_the_rays_of_its_definition(
-    torus: pyvocc.Scene, random_rays: RandomRays, samples: int
+    torus: pyvocc.Scene, random_rays: RandomRays, samples: int, sampler: str, horizon: str
 ) -> None:
-    points, normals = (array[:3000] for array in random_rays(3000))
+    points, normals = (array[:2000] for array in random_rays(3000))
     ids = np.random.default_rng(1).integers(0, 2**32, len(points)).astype(np.uint32)
-    got = torus.light_visibility(points, normals, LIGHTS, samples, ids)
+    lights = LIGHTS + ALL
+    ask: Any = (points, normals, lights, samples, ids)
+    expected = light_model.answer(torus, *ask, sampler, horizon)
+    share = (expected.counts == pyvocc.NOT_TRACED).mean()
+    assert 0.2 < share < 0.8
+    how: Any = {"sampler": sampler, "horizon": horizon}
+    got = torus.light_visibility(*ask, **how)
     assert got.dtype == np.uint16
-    expected = visible(torus, points, normals, LIGHTS, samples, ids)
-    assert 0.2 < (expected == pyvocc.NOT_TRACED).mean() < 0.8
-    assert (got == expected).all()
+    assert np.array_equal(got, expected.counts)
+    irradiance = torus.light_irradiance(*ask, **how)
+    assert irradiance.dtype == np.float32
+    assert np.array_equal(np.isnan(irradiance), got == pyvocc.NOT_TRACED)
+    assert np.nanmax(np.abs(irradiance - expected.irradiance)) < 1e-7
+    if samples > 1:
+        partly = (irradiance > 0) & (irradiance < 1)
+        assert partly.mean() > 0.05
+        # It is not the share of samples, except where all of them weigh the same.
+        assert (irradiance != got / F(samples))[partly].mean() > 0.8
+
+
+@pytest.mark.parametrize("sampler", ["sobol", "jitter"])
+def test_ambient_occlusion_traces_the_rays_of_its_definition(
+    torus: pyvocc.Scene, random_rays: RandomRays, sampler: str
+) -> None:
+    points, normals = random_rays(2000)
+    ids = np.random.default_rng(2).integers(0, 2**32, len(points)).astype(np.uint32)
+    dirs = light_model.hemisphere(normals.astype(float), ids, 20, sampler)
+    seen = []
+    for distance in (0.3, 2.0, np.inf):
+        blocked = torus.occluded(points[:, None], dirs, 0, F(distance))
+        got = torus.ambient_occlusion(points, normals, distance, 20, ids, sampler=sampler)
+        assert got.dtype == np.uint16
+        assert np.array_equal(got, 20 - blocked.sum(axis=1))
+        seen.append(got.mean())
+    assert seen[0] > seen[1] > seen[2] > 1
+    default = torus.ambient_occlusion(points, normals, samples=20, point_ids=ids, sampler=sampler)
+    assert np.array_equal(default, got)
+
+
+def test_each_sample_is_told_apart_by_its_bit(torus: pyvocc.Scene, random_rays: RandomRays) -> None:
+    points, normals = random_rays(500)
+    ids = np.arange(500, dtype=np.uint32)
+    bits = np.zeros((len(ALL), 500, 3), np.uint8)
+    torus.light_visibility(points, normals, ALL, 20, blocked=bits)
+    told = np.unpackbits(bits, axis=-1, bitorder="little")
+    assert not told[..., 20:].any()
+    for number, light in enumerate(ALL):
+        dirs = light_model.directions(light, number, points, ids, 20, "sobol")
+        end = np.inf if isinstance(light, pyvocc.SunLight) else 1
+        above = light_model.dot(normals[:, None], dirs) > 0
+        above &= light_model.is_reached(light, points)[:, None]
+        expected = torus.occluded(points[:, None], dirs, 0, end) & above
+        assert np.array_equal(told[number, :, :20], expected), light
+
+
+def test_a_scene_in_parts_blocks_as_the_whole(random_rays: RandomRays) -> None:
+    points, normals = random_rays(2000)
+    meshes = [shapes.torus(40, 20), shapes.cube((0, 1.2, 0), 0.4), shapes.cube((0.6, 1, 0.2), 0.3)]
+    parts = [pyvocc.Scene() for _ in meshes]
+    whole = pyvocc.Scene()
+    for part, mesh in zip(parts, meshes, strict=True):
+        vertices = mesh[0].astype(F)
+        part.add_mesh(vertices, mesh[1])
+        whole.add_mesh(vertices, mesh[1])
+        part.build()
+    whole.build()
+    bits = np.zeros((len(ALL), 2000, 2), np.uint8)
+    weighed, sky = bits.copy(), bits[0].copy()
+    for number, part in enumerate(parts):
+        counts = part.light_visibility(points, normals, ALL, blocked=bits)
+        shares = part.light_irradiance(points, normals, ALL, blocked=weighed)
+        opened = part.ambient_occlusion(points, normals, 1.5, blocked=sky)
+        done = whole.light_visibility(points, normals, ALL)
+        assert (number == 2) == np.array_equal(counts, done)
+    assert np.array_equal(bits, weighed)
+    assert np.allclose(shares, whole.light_irradiance(points, normals, ALL), 0, 1e-7, True)
+    assert np.array_equal(opened, whole.ambient_occlusion(points, normals, 1.5))
 
 
 def test_point_ids_count_from_zero_by_default(torus: pyvocc.Scene, random_rays: RandomRays) -> None:
     points, normals = random_rays(600)
     ids = np.arange(600)
     implied = torus.light_visibility(points, normals, LIGHTS)
-    assert (implied == torus.light_visibility(points, normals, LIGHTS, 20, ids)).all()
+    assert (implied == torus.light_visibility(points, normals, LIGHTS, 16, ids)).all()
     shaped = torus.light_visibility(points.reshape(20, 30, 3), normals.reshape(20, 30, 3), LIGHTS)
     assert shaped.shape == (5, 20, 30)
     assert (shaped.reshape(5, -1) == implied).all()
-    assert (implied != torus.light_visibility(points, normals, LIGHTS, 20, ids + 1)).any()
+    assert (implied != torus.light_visibility(points, normals, LIGHTS, 16, ids + 1)).any()
 
 
 def test_leading_shapes_of_points_normals_and_ids_broadcast(torus: pyvocc.Scene) -> None:
     points = np.random.default_rng(0).normal(0, 2, (4, 1, 3))
     normals = np.random.default_rng(1).normal(0, 2, (5, 3))
     ids = np.arange(20).reshape(4, 5)
-    got = torus.light_visibility(points, normals, LIGHTS, 20, ids)
+    got = torus.light_visibility(points, normals, LIGHTS, 16, ids)
     full = torus.light_visibility(
         np.broadcast_to(points, (4, 5, 3)).copy(),
         np.broadcast_to(normals, (4, 5, 3)).copy(),
@@ -122,7 +176,7 @@ def test_points_that_are_not_finite_are_not_traced(cube: pyvocc.Scene) -> None:
     points = [[0, 1.5, 0], [np.nan, 1.5, 0], [0, np.inf, 0], [0, 1.5, 0]]
     normals = [[0, 1, 0], [0, 1, 0], [0, 1, 0], [0, np.nan, 0]]
     counts = cube.light_visibility(points, normals, LIGHTS[:1])
-    assert counts.tolist() == [[20, 65535, 65535, 65535]]
+    assert counts.tolist() == [[16, 65535, 65535, 65535]]
 
 
 def test_out_of_light_visibility(cube: pyvocc.Scene) -> None:
@@ -135,13 +189,304 @@ def test_out_of_light_visibility(cube: pyvocc.Scene) -> None:
 def test_light_visibility_counts_its_rays(cube: pyvocc.Scene) -> None:
     stats = pyvocc.Stats()
     points, normals = np.random.default_rng(5).normal(0, 3, (2, 500, 3))
-    counts = cube.light_visibility(points, normals, LIGHTS, 16, stats=stats)
+    counts = cube.light_visibility(points, normals, LIGHTS, 16, horizon="centre", stats=stats)
     traced = counts[counts != pyvocc.NOT_TRACED].astype(int)
     assert stats.rays == 16 * len(traced)
     assert stats.occluded == stats.rays - traced.sum()
+    # A sample that is not above the surface is dark, and no ray.
+    stats = pyvocc.Stats()
+    counts = cube.light_visibility(points, normals, LIGHTS, 16, stats=stats)
+    traced = counts[counts != pyvocc.NOT_TRACED].astype(int)
+    assert stats.rays < 16 * len(traced)
+    start, ids = points.astype(F), np.arange(500, dtype=np.uint32)
+    dirs = [
+        light_model.directions(light, k, start, ids, 16, "sobol") for k, light in enumerate(LIGHTS)
+    ]
+    assert stats.rays == (light_model.dot(normals[:, None], np.array(dirs)) > 0).sum()
+    assert stats.occluded == stats.rays - traced.sum()
+
+
+# ---- horizons, sides, cones --------------------------------------------------
+
+
+def test_a_light_across_the_horizon_counts_what_is_above(cube: pyvocc.Scene) -> None:
+    """A point on a wall whose light is half below: half its samples, or by its centre alone."""
+    point, normal = (0, 1.5, 0), (0, 1, 0)
+    for middle, centre_says in ((1.51, 16), (1.5, pyvocc.NOT_TRACED), (1.49, pyvocc.NOT_TRACED)):
+        light = pyvocc.RectLight((5, middle - 1, -1), (0, 2, 0), (0, 0, 2))
+        counts = cube.light_visibility(point, normal, [light], 16)
+        assert 7 <= counts[0] <= 9
+        assert cube.light_visibility(point, normal, [light], 16, horizon="centre") == centre_says
+    for height, expected in ((0.2, pyvocc.NOT_TRACED), (3.2, 16)):
+        light = pyvocc.RectLight((5, height - 1, -1), (0, 2, 0), (0, 0, 2))
+        assert cube.light_visibility(point, normal, [light], 16) == expected
+    turned = cube.light_visibility(point, (0, -1, 0), [light], 16)
+    assert turned == pyvocc.NOT_TRACED
+
+
+@pytest.mark.parametrize(
+    ("light", "front"),
+    [
+        (pyvocc.RectLight((-1, 0, -1), (0, 0, 2), (2, 0, 0), two_sided=False), 1),
+        (pyvocc.RectLight((-1, 0, -1), (2, 0, 0), (0, 0, 2), two_sided=False), -1),
+        (pyvocc.DiskLight((0, 0, 0), (0, 0, 1), (1, 0, 0), two_sided=False), 1),
+        (pyvocc.DiskLight((0, 0, 0), (1, 0, 0), (0, 0, 1), two_sided=False), -1),
+    ],
+)
+def test_a_one_sided_light_emits_where_u_x_v_points_to(light: Any, front: int) -> None:
+    scene = pyvocc.Scene()
+    scene.add_mesh(*shapes.cube((100, 0, 0)))
+    scene.build()
+    heights = np.array([2, 1e-30, 0, -1e-30, -2])
+    points = np.stack([np.full(5, 3.0), heights, np.zeros(5)], axis=-1)
+    for horizon in ("sample", "centre"):
+        counts = scene.light_visibility(points, (-1, 0, 0), [light], 16, horizon=horizon)
+        assert (counts[0] == np.where(heights * front > 0, 16, pyvocc.NOT_TRACED)).all()
+        both = scene.light_visibility(
+            points, (-1, 0, 0), [dataclasses.replace(light, two_sided=True)], 16, horizon=horizon
+        )
+        assert (both == 16).all()
+
+
+def test_a_spot_lights_its_cone(cube: pyvocc.Scene) -> None:
+    random = np.random.default_rng(12)
+    points = random.normal(0, 4, (4000, 3)).astype(F)
+    centre, axis = np.array((0.0, 5, 0)), np.array((0.6, -0.8, 0))
+    cosine = ((points - centre) @ axis) / np.linalg.norm(points - centre, axis=1)
+    normals = centre - points
+    point = pyvocc.PointLight(tuple(centre), 0.1)
+    expected = cube.light_visibility(points, normals, [point])[0]
+    for degrees in (0, 20, 90, 180, 270, 360):
+        spot = pyvocc.SpotLight(tuple(centre), tuple(axis * 7), math.radians(degrees), 0.1)
+        inside = cosine >= math.cos(math.radians(degrees / 2))
+        assert inside.any() == (degrees > 0)
+        counts = cube.light_visibility(points, normals, [spot])[0]
+        assert (counts == np.where(inside, expected, pyvocc.NOT_TRACED)).all()
+
+
+# ---- lights at their limits --------------------------------------------------
+
+
+def test_lights_without_extent_are_points(torus: pyvocc.Scene, random_rays: RandomRays) -> None:
+    points, normals = random_rays(1500)
+    at = (0.25, 2, 0.5)
+    none = (0, 0, 0)
+    lights = [
+        pyvocc.PointLight(at),
+        pyvocc.SphereLight(at, 0),
+        pyvocc.SphereLight(at, 1e-45),
+        pyvocc.RectLight(at, none, none),
+        pyvocc.RectLight(at, none, none, two_sided=False),
+        pyvocc.DiskLight(at, none, none),
+        pyvocc.DiskLight(at, none, none, two_sided=False),
+        pyvocc.SpotLight(at, (0, -1, 0), 2 * math.pi),
+    ]
+    counts = torus.light_visibility(points, normals, lights, 4)
+    blocked = torus.occluded(points, np.array(at, F) - points, 0, 1)
+    facing = light_model.dot(normals, np.array(at) - points) > 0
+    expected = np.where(facing, np.where(blocked, 0, 4), pyvocc.NOT_TRACED)
+    assert (expected == 0).mean() > 0.1
+    # A sphere's direction is that of the centre, rounded once more.
+    for light, row in zip(lights, counts, strict=True):
+        wrong = row != expected
+        assert wrong.sum() <= (2 if isinstance(light, pyvocc.SphereLight) else 0), light
+    shares = torus.light_irradiance(points, normals, lights[:1], 4)[0]
+    assert np.array_equal(shares, np.where(facing, ~blocked, np.nan), equal_nan=True)
+
+
+def test_a_line_is_lit_as_a_line(torus: pyvocc.Scene, random_rays: RandomRays) -> None:
+    points, normals = random_rays(1500)
+    ids = np.arange(1500, dtype=np.uint32)
+    lights = [
+        pyvocc.RectLight((-1, 2, 0), (2, 0, 0), (0, 0, 0)),
+        pyvocc.RectLight((-1, 2, 0), (2, 0, 0), (1, 0, 0), two_sided=False),
+        pyvocc.DiskLight((0, 2, 0), (2, 0, 1), (0, 0, 0)),
+    ]
+    expected = light_model.answer(torus, points, normals, lights, 16, ids)
+    assert np.array_equal(torus.light_visibility(points, normals, lights), expected.counts)
+    shares = torus.light_irradiance(points, normals, lights)
+    assert np.allclose(shares, expected.irradiance, 0, 1e-7, equal_nan=True)
+
+
+def test_a_point_at_the_centre_of_a_light(cube: pyvocc.Scene) -> None:
+    at = (0, 3, 0)
+    lights: dict[str, pyvocc.Light] = {
+        "point": pyvocc.PointLight(at),
+        "no edges": pyvocc.RectLight(at, (0, 0, 0), (0, 0, 0)),
+        "sphere without radius": pyvocc.SphereLight(at, 0),
+        "spot": pyvocc.SpotLight(at, (0, 1, 0), 1),
+        "sphere": pyvocc.SphereLight(at, 0.5),
+        "point with a disk": pyvocc.PointLight(at, 0.5),
+        "disk": pyvocc.DiskLight(at, (0, 1, 0), (0, 0, 1)),
+        "disk across": pyvocc.DiskLight(at, (1, 0, 0), (0, 0, 1)),
+        "one side": pyvocc.DiskLight(at, (0, 1, 0), (0, 0, 1), two_sided=False),
+    }
+    counts = cube.light_visibility(at, (0, 1, 0), lights.values(), 64)
+    found = dict(zip(lights, counts.tolist(), strict=True))
+    nothing = ("point", "no edges", "sphere without radius", "spot", "one side", "disk across")
+    for name in nothing:
+        assert found[name] == pyvocc.NOT_TRACED, name
+    # Half of the sphere, and of the upright disk, is above; the facing disk is upright or flat.
+    assert 30 <= found["sphere"] <= 34
+    assert 30 <= found["disk"] <= 34
+    assert found["point with a disk"] in (*range(28, 37), pyvocc.NOT_TRACED)
+    by_centre = cube.light_visibility(at, (0, 1, 0), lights.values(), horizon="centre")
+    assert (by_centre == pyvocc.NOT_TRACED).all()
+
+
+def test_points_inside_a_sphere_see_it_all_around(cube: pyvocc.Scene) -> None:
+    random = np.random.default_rng(13)
+    points = (random.uniform(-1, 1, (200, 3)) + (0, 5, 0)).astype(F)
+    normals = random.normal(size=(200, 3))
+    light = pyvocc.SphereLight((0, 5, 0), 2.5)
+    counts = cube.light_visibility(points, normals, [light], 1024) / 1024
+    assert np.abs(counts - 0.5).max() < 0.01
+    assert (cube.light_irradiance(points, normals, [light]) == 1).all()
+    # Its surface ends the ray: the cube lies beyond that of a small one, not of a large one.
+    large = pyvocc.SphereLight((0, 5, 0), 20)
+    down = cube.light_visibility((0, 2, 0), (0, -1, 0), [large], 1024) / 1024
+    assert 0.2 < down[0] < 0.4
+
+
+HUGE = 3e38
+
+
+def test_lights_and_points_at_the_ends_of_float32(torus: pyvocc.Scene) -> None:
+    points = np.array(
+        [(0, 0, 0), (0, 2, 0), (1, 0, 0), (1e-40, 1e-30, 0), (1e30, 0, 0), (HUGE,) * 3],
+        F,
+    )
+    normals = np.tile(np.array((0.3, 1, 0.1), F), (len(points), 1))
+    lights = [
+        pyvocc.RectLight((HUGE,) * 3, (HUGE, 0, 0), (0, HUGE, 0)),
+        pyvocc.RectLight((1e30, 0, 0), (1e20, 0, 0), (0, 1e31, 0)),
+        pyvocc.DiskLight((HUGE, 0, 0), (HUGE, 0, 0), (0, HUGE, 0)),
+        pyvocc.DiskLight((0, 1e-40, 0), (0, 1e-45, 0), (1e-44, 0, 0), two_sided=False),
+        pyvocc.SphereLight((0, 0, 0), HUGE),
+        pyvocc.SphereLight((HUGE, 0, 0), 1),
+        pyvocc.SphereLight((0, 2, 0), 1e-45),
+        pyvocc.PointLight((HUGE, HUGE, -HUGE)),
+        pyvocc.PointLight((0, 2, 0), HUGE),
+        pyvocc.SpotLight((0, HUGE, 0), (0, -1, 0), 1, 1e-44),
+        pyvocc.SunLight((1e308, 1e308, 0), 3),
+        pyvocc.SunLight((1e-310, 0, 0)),
+    ]
+    ids = np.arange(len(points), dtype=np.uint32)
+    for horizon in ("sample", "centre"):
+        with np.errstate(all="ignore"):
+            expected = light_model.answer(torus, points, normals, lights, 9, ids, horizon=horizon)
+        for options in ({}, {"order": "standard", "occluders": False, "entry_points": True}):
+            how: Any = {"horizon": horizon, **options}
+            counts = torus.light_visibility(points, normals, lights, 9, **how)
+            assert np.array_equal(counts, expected.counts)
+            shares = torus.light_irradiance(points, normals, lights, 9, **how)
+            assert np.array_equal(np.isnan(shares), counts == pyvocc.NOT_TRACED)
+            assert not ((shares < 0) | (shares > 1)).any()
+
+
+def test_far_lights_keep_the_precision_of_their_scene() -> None:
+    far = np.array([500_000.0, 4_000_000.0, 100.0])
+    points, normals = np.random.default_rng(14).normal(0, 2, (2, 2000, 3))
+    results = []
+    for shift in (np.zeros(3), far):
+        scene = pyvocc.Scene()
+        vertices, triangles = shapes.torus(40, 20)
+        # Lattice points, so that both scenes are the same after their moves.
+        scene.add_mesh(np.round(vertices * 2**20) / 2**20 + shift, triangles)
+        scene.build()
+        moved = []
+        for light in ALL:
+            name = "corner" if isinstance(light, pyvocc.RectLight) else "center"
+            place = () if isinstance(light, pyvocc.SunLight) else (name,)
+            moved.append(
+                dataclasses.replace(
+                    light, **{n: tuple(np.add(getattr(light, n), shift)) for n in place}
+                )
+            )
+        results.append(scene.light_visibility(points + shift, normals, moved))
+    assert (results[0] != results[1]).mean() < 0.002
+
+
+def test_the_default_sampling(cube: pyvocc.Scene) -> None:
+    ask: Any = ((0, 2, 0), (0, 1, 0), LIGHTS)
+    default = cube.light_visibility(*ask)
+    assert np.array_equal(
+        default, cube.light_visibility(*ask, samples=16, sampler="sobol", horizon="sample")
+    )
+
+
+# ---- what a camera sees ------------------------------------------------------
+
+
+def test_safe_offset_is_twice_what_rounding_can_take(torus: pyvocc.Scene) -> None:
+    vertices = shapes.torus(128, 50)[0].astype(F)
+    assert torus.safe_offset == 2.0**-21 * np.abs(vertices).max()
+    far = pyvocc.Scene()
+    far.add_mesh(shapes.cube()[0] * (1, 1, 4) + 1e6 + 0.1, shapes.cube()[1])
+    far.build()
+    assert far.origin.any()
+    assert 2.0**-21 * 4 <= far.safe_offset < 2.0**-21 * 4.02
+    empty = pyvocc.Scene()
+    empty.build()
+    assert empty.safe_offset == 0
+
+
+def test_points_at_the_safe_offset_do_not_shade_themselves() -> None:
+    """Every point of a convex solid sees a light that is above its face."""
+    random = np.random.default_rng(15)
+    for shift in (0.0, 3000.25, 1e7 + 0.1):
+        scene = pyvocc.Scene()
+        vertices, triangles = geodesic_sphere(8)
+        scene.add_mesh(vertices.astype(float) + shift, triangles)
+        scene.build()
+        org = light_model.unit(random.normal(size=(3000, 3))) * 3 + shift
+        seen = pyvocc.shading_points(scene, org, shift + random.uniform(-0.5, 0.5, (3000, 3)) - org)
+        hit = seen.geom_id == 0
+        assert hit.mean() > 0.6
+        normal = seen.normal[hit]
+        assert (light_model.dot(normal, org[hit] - seen.position[hit]) > 0).all()
+        opened = scene.ambient_occlusion(seen.position[hit], normal, samples=8)
+        assert (opened == 8).all()
+        # Without it, half of the points are below their face, or in it.
+        sunk = pyvocc.shading_points(scene, org[hit], seen.position[hit] - org[hit], offset=0)
+        assert (scene.ambient_occlusion(sunk.position, sunk.normal, samples=8) < 8).mean() > 0.1
+
+
+def test_shading_points_are_those_of_the_pass(small: Small) -> None:
+    scene, camera = small
+    image = pyvocc.shadow_pass(scene, camera, [], (40, 30), offset=0.001)
+    org, dir = camera.rays((40, 30))
+    seen = pyvocc.shading_points(scene, org, dir, offset=0.001)
+    assert seen.position.shape == (30, 40, 3)
+    for name in ("position", "normal", "geom_id", "prim_id"):
+        assert np.array_equal(getattr(seen, name), getattr(image, name), equal_nan=True), name
+    hits = scene.intersect(org, dir)
+    assert np.array_equal(seen.t, hits.t)
+    many = pyvocc.shading_points(scene, np.broadcast_to(org, dir.shape), dir, offset=0.001)
+    assert np.array_equal(many.position, seen.position, equal_nan=True)
+    one = pyvocc.shading_points(scene, org, dir[15, 20], offset=0.001, packets=False, threads=1)
+    assert np.array_equal(one.position, seen.position[15, 20])
+    assert one.geom_id.shape == ()
+    closer = pyvocc.shading_points(scene, org, dir)
+    gap = light_model.dot(seen.position - closer.position, seen.normal)[hits.prim_id >= 0]
+    assert np.allclose(gap, 0.001 - scene.safe_offset, atol=1e-6)
 
 
 # ---- lights and cameras ------------------------------------------------------
+
+
+def test_lights_keep_tuples_and_floats() -> None:
+    disk = pyvocc.DiskLight([0, 1, 2], np.array([2, 0, 0], F), (0.0, 0, 4))
+    assert disk == pyvocc.DiskLight((0, 1, 2), (2, 0, 0), (0, 0, 4), two_sided=True)
+    assert disk.center == (0.0, 1.0, 2.0) and isinstance(disk.axis_u, tuple)
+    sphere = pyvocc.SphereLight([0, 1, 2], 3)
+    assert isinstance(sphere.radius, float) and sphere == pyvocc.SphereLight((0, 1, 2), 3.0)
+    spot = pyvocc.SpotLight([0, 1, 2], [0, 0, -5], 1)
+    assert (spot.direction, spot.angle, spot.radius) == ((0, 0, -5), 1.0, 0.0)
+    sun = pyvocc.SunLight(np.array([0, 2, 0]))
+    assert (sun.direction, sun.angle) == ((0, 2, 0), 0)
+    assert len({disk, sphere, spot, sun, *ALL}) == 4 + len(ALL)
+    assert pyvocc.PointLight((0, 0, 0)).radius == 0
 
 
 def test_a_light_keeps_tuples_and_has_a_center() -> None:
@@ -258,7 +603,9 @@ def test_the_pass_gives_the_reference_image(name: str) -> None:
     scene.add_mesh(vertices[:-4], faces)
     scene.add_mesh(vertices[-4:], triangles[-2:] - (len(vertices) - 4))
     scene.build()
-    result = pyvocc.shadow_pass(scene, CAMERA, LIGHTS, (256, 256), 16)
+    result = pyvocc.shadow_pass(
+        scene, CAMERA, LIGHTS, (256, 256), 16, sampler="jitter", horizon="centre"
+    )
     shown = result.prim_id.ravel() + np.where(result.geom_id.ravel() == 1, len(faces), 0)
     # Only on a shared edge may another triangle be chosen.
     same = shown == prim
@@ -283,9 +630,6 @@ def small() -> tuple[pyvocc.Scene, pyvocc.PerspectiveCamera]:
     scene.add_mesh(*shapes.box([-2, -1, -2], [2, -0.5, 2]), name="slab")
     scene.build()
     return scene, pyvocc.PerspectiveCamera((0, 3, 5), (0, 0, 0), fov=50)
-
-
-Small = tuple[pyvocc.Scene, pyvocc.PerspectiveCamera]
 
 
 def test_the_pass_has_an_image_for_everything(small: Small) -> None:
@@ -384,7 +728,7 @@ def test_the_offset_is_what_is_asked_for(small: Small) -> None:
 def test_the_pass_counts_only_shadow_rays(small: Small) -> None:
     scene, camera = small
     stats = pyvocc.Stats()
-    result = pyvocc.shadow_pass(scene, camera, LIGHTS, (32, 32), 4, stats=stats)
+    result = pyvocc.shadow_pass(scene, camera, LIGHTS, (32, 32), 4, horizon="centre", stats=stats)
     assert stats.rays == 4 * (result.counts != pyvocc.NOT_TRACED).sum()
 
 

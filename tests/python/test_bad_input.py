@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -409,6 +411,129 @@ def test_values_of_lights(name: str) -> None:
     refused(pyvocc.InvalidType, make(3), name)
     refused(pyvocc.InvalidType, make("abc"), name)
     refused(pyvocc.InvalidType, make((0, "1", 0)), name)
+
+
+GOOD: dict[type, dict[str, Any]] = {
+    pyvocc.RectLight: {"corner": (0, 3, 0), "edge_u": (1, 0, 0), "edge_v": (0, 0, 1)},
+    pyvocc.DiskLight: {"center": (0, 3, 0), "axis_u": (1, 0, 0), "axis_v": (0, 0, 1)},
+    pyvocc.SphereLight: {"center": (0, 3, 0), "radius": 1},
+    pyvocc.PointLight: {"center": (0, 3, 0), "radius": 1},
+    pyvocc.SpotLight: {"center": (0, 3, 0), "direction": (0, -1, 0), "angle": 1, "radius": 1},
+    pyvocc.SunLight: {"direction": (0, 1, 0), "angle": 1},
+}
+ANGLES = {pyvocc.SpotLight: 2 * math.pi, pyvocc.SunLight: math.pi}
+
+
+@pytest.mark.parametrize("kind", GOOD, ids=lambda kind: kind.__name__)
+def test_values_of_all_lights(kind: type) -> None:
+    def make(**values: Any) -> Any:
+        return lambda: kind(**{**GOOD[kind], **values})
+
+    make()()
+    for name, good in GOOD[kind].items():
+        if isinstance(good, tuple):
+            refused(pyvocc.InvalidArgument, make(**{name: (0, np.nan, 0)}), name, 1, np.nan)
+            refused(pyvocc.InvalidArgument, make(**{name: (0, 0, -np.inf)}), name, 2, -np.inf)
+            refused(pyvocc.InvalidArgument, make(**{name: (0, 0)}), name)
+            refused(pyvocc.InvalidType, make(**{name: 3}), name)
+            refused(pyvocc.InvalidType, make(**{name: "abc"}), name)
+            refused(pyvocc.InvalidType, make(**{name: (0, "1", 0)}), name)
+        else:
+            for value in (-1e-9, np.inf, np.nan):
+                refused(pyvocc.InvalidArgument, make(**{name: value}), name, value=value)
+            refused(pyvocc.InvalidType, make(**{name: "1"}), name)
+            refused(pyvocc.InvalidType, make(**{name: (1, 1)}), name)
+    if "direction" in GOOD[kind]:
+        refused(pyvocc.InvalidArgument, make(direction=(0, 0, 0)), "direction")
+    if kind in ANGLES:
+        most = ANGLES[kind]
+        refused(pyvocc.InvalidArgument, make(angle=most * 1.000001), "angle", value=most * 1.000001)
+        make(angle=most)()
+    if hasattr(kind, "two_sided"):
+        refused(pyvocc.InvalidType, make(two_sided="yes"), "two_sided")
+        refused(pyvocc.InvalidType, make(two_sided=None), "two_sided")
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        make()().radius = 3
+
+
+@pytest.mark.parametrize("kind", GOOD, ids=lambda kind: kind.__name__)
+def test_values_of_lights_that_float32_does_not_hold(cube: pyvocc.Scene, kind: type) -> None:
+    """Found by the library, told by the field's name in Python, for each way to ask."""
+    good = pyvocc.PointLight((0, 3, 0))
+    for name, value in GOOD[kind].items():
+        if name in ("direction", "angle"):
+            continue
+        huge = (0, -1e39, 0) if isinstance(value, tuple) else 1e39
+        bad = kind(**{**GOOD[kind], name: huge})
+        for ask in (
+            lambda bad=bad: cube.light_visibility([0, 0, 2], [0, 0, 1], [good, good, bad]),
+            lambda bad=bad: cube.light_irradiance([0, 0, 2], [0, 0, 1], [good, good, bad]),
+            lambda bad=bad: pyvocc.shadow_pass(cube, CAMERA, [good, good, bad], (4, 4)),
+        ):
+            sign = 1 if name == "radius" else -1
+            error = refused(pyvocc.InvalidArgument, ask, "lights", 2, sign * 1e39)
+            assert str(error).startswith(f"lights[2].{name} is {'-' * (sign < 0)}1e+39: it has to ")
+    # Any direction is as good as any other of its way.
+    if "direction" in GOOD[kind]:
+        cube.light_visibility(
+            [0, 0, 2], [0, 0, 1], [kind(**{**GOOD[kind], "direction": (1e308,) * 3})]
+        )
+
+
+def test_arguments_of_ambient_occlusion(cube: pyvocc.Scene) -> None:
+    def ask(*args: Any, **options: Any) -> Any:
+        return lambda: cube.ambient_occlusion([[0, 0, 2.0]] * 4, [0, 0, 1], *args, **options)
+
+    for value in (0, -1, -np.inf, 1e-50):
+        refused(pyvocc.InvalidArgument, ask(value), "distance", value=value)
+    assert "nan" in str(refused(pyvocc.InvalidArgument, ask(np.nan), "distance"))
+    refused(pyvocc.InvalidType, ask("far"), "distance")
+    for value in (0, -1, 65535, 2**40):
+        refused(pyvocc.InvalidArgument, ask(samples=value), "samples", value=value)
+    refused(pyvocc.InvalidType, ask(samples=2.5), "samples")
+    refused(pyvocc.InvalidArgument, ask(sampler="random"), "sampler", value="random")
+    refused(pyvocc.InvalidArgument, ask(point_ids=[0, 1, 2, -3]), "point_ids", 3, -3)
+    refused(pyvocc.InvalidArgument, ask(out=np.zeros(3, np.uint16)), "out")
+    refused(pyvocc.InvalidType, ask(horizon="sample"), "horizon")
+
+
+def test_arguments_of_shading_points(cube: pyvocc.Scene) -> None:
+    def ask(scene: Any = cube, org: Any = (0, 0, 5), dir: Any = (0, 0, -1), **more: Any) -> Any:
+        return lambda: pyvocc.shading_points(scene, org, dir, **more)
+
+    refused(pyvocc.InvalidType, ask(scene=3), "scene")
+    refused(pyvocc.InvalidType, ask(org="here"), "org")
+    refused(pyvocc.InvalidArgument, ask(dir=(0, 0)), "dir")
+    refused(pyvocc.InvalidArgument, ask(org=np.zeros((3, 3)), dir=np.zeros((4, 3))), "dir")
+    for value in (-1, np.nan, np.inf):
+        refused(pyvocc.InvalidArgument, ask(offset=value), "offset", value=value)
+    with pytest.raises(pyvocc.StateError):
+        ask(scene=pyvocc.Scene())()
+
+
+@pytest.mark.parametrize("name", ["sampler", "horizon"])
+def test_names_of_the_sampling(cube: pyvocc.Scene, name: str) -> None:
+    for value, kind in (("random", pyvocc.InvalidArgument), (3, pyvocc.InvalidType)):
+        how: Any = {name: value}
+        for ask in (
+            lambda how=how: cube.light_visibility([0, 0, 2], [0, 0, 1], [LIGHT], **how),
+            lambda how=how: cube.light_irradiance([0, 0, 2], [0, 0, 1], [LIGHT], **how),
+            lambda how=how: pyvocc.shadow_pass(cube, CAMERA, [LIGHT], (4, 4), **how),
+        ):
+            refused(kind, ask, name)
+
+
+def test_bits_of_blocked_samples(cube: pyvocc.Scene) -> None:
+    def ask(bits: Any, samples: int = 20) -> Any:
+        return lambda: cube.light_visibility(
+            [[0, 0, 2]] * 5, [0, 0, 1], [LIGHT], samples, blocked=bits
+        )
+
+    ask(np.zeros((1, 5, 3), np.uint8))()
+    for shape in ((1, 5, 2), (1, 5, 4), (5, 3), (1, 15)):
+        refused(pyvocc.InvalidArgument, ask(np.zeros(shape, np.uint8)), "blocked")
+    refused(pyvocc.InvalidType, ask(np.zeros((1, 5, 3), np.int8)), "blocked")
+    refused(pyvocc.InvalidArgument, ask(np.zeros((1, 5, 1), np.uint8), 0), "samples")
 
 
 def test_values_of_cameras() -> None:

@@ -244,7 +244,10 @@ def test_shadow_writes_exr_png_and_stats(folder: Path, run: Run, exr: None) -> N
     assert stats["options"]["threads"] == 2
     assert stats["counters"]["rays"] == stats["rays"]
     traced = sum(np.count_nonzero(image[f"shadow.{k}"] >= 0) for k in stats["lights"])
-    assert stats["rays"] == 4 * traced
+    assert f" {4 * traced / 1e6:.2f} M samples in " in out
+    # Pixels at a horizon: what is below the surface is dark without a ray.
+    assert 0.98 * 4 * traced < stats["rays"] < 4 * traced
+    assert stats["sampler"] == "sobol"
     assert stats["report"]["meshes"][0]["closed"]
     assert set(stats["seconds"]) == {"load", "build", "primary", "shadow"}
 
@@ -279,6 +282,7 @@ def test_shadow_options_reach_the_library(
     assert seen == {
         "size": (8, 4),
         "samples": 3,
+        "sampler": "sobol",
         "order": "standard",
         "occluders": False,
         "cache": 2,
@@ -292,6 +296,9 @@ def test_shadow_options_reach_the_library(
         "packets": True,
         "stats": None,
     }
+    jitter = (*arguments, "--sampler", "jitter")
+    assert run("shadow", "scene.toml", "-o", "c.png", *jitter)[0] == 0
+    assert seen["sampler"] == "jitter"
     more = ("--cache-policy", "direction", "--no-fusion", "--triangle-cache", "--single-rays")
     searches = ("--entry-points", "no", "--entry-triangles", "3", "--voxels", "12")
     assert run("shadow", "scene.toml", "-o", "b.png", *arguments, *more, *searches)[0] == 0
@@ -301,10 +308,64 @@ def test_shadow_options_reach_the_library(
     assert run("diff", "a.png", "b.png")[0] == 0
 
 
+def test_shadow_of_lights_of_every_type(folder: Path, run: Run, exr: None) -> None:
+    text = Path("scene.toml").read_text()
+    Path("all.toml").write_text(
+        text
+        + """
+[[light]]
+type = "disk"
+center = [2, 4, 0]
+axis_u = [1, 0, 0]
+axis_v = [0, 0, 1]
+[[light]]
+type = "sphere"
+center = [-2, 4, 0]
+radius = 0.5
+[[light]]
+type = "point"
+center = [0, 4, 2]
+[[light]]
+type = "spot"
+center = [0, 4, 1]
+direction = [0, -4, -1]
+angle = 90
+[[light]]
+type = "sun"
+name = "noon"
+direction = [1, 5, 1]
+angle = 0.53
+"""
+    )
+    more = ("--size", "32x24", "--samples", "16", "--stats", "all.json")
+    code, out, err = run("shadow", "all.toml", "-o", "sobol.exr", *more)
+    assert (code, err) == (0, "")
+    assert "7 lights, 16 samples: " in out
+    first = io.read_image("sobol.exr")
+    for name in ("light2", "light3", "light4", "light5", "noon"):
+        assert (first[f"shadow.{name}"] > 0).mean() > 0.1, name
+    assert run("shadow", "all.toml", "-o", "jitter.exr", *more, "--sampler", "jitter")[0] == 0
+    assert json.loads(Path("all.json").read_text())["sampler"] == "jitter"
+    second = io.read_image("jitter.exr")
+    # What a point, or a sharp shadow, sees is no matter of samples.
+    assert np.array_equal(first["shadow.light4"], second["shadow.light4"])
+    assert not np.array_equal(first["shadow.light2"], second["shadow.light2"])
+
+
+def test_shadow_names_what_is_wrong_with_a_light(folder: Path, run: Run, exr: None) -> None:
+    text = Path("scene.toml").read_text()
+    Path("bad.toml").write_text(
+        text + '[[light]]\ntype = "sun"\ndirection = [1, 1, 1]\nangle = 200\n'
+    )
+    code, _, err = run("shadow", "bad.toml", "-o", "a.png")
+    assert code == 2
+    assert err == "pyvocc: bad.toml: light[2].angle: expected 0 to 180 degrees, got 200\n"
+
+
 def test_shadow_to_png_alone(folder: Path, run: Run, exr: None) -> None:
     code, out, _ = run("shadow", "scene.toml", "-o", "only.png", "--size", "8x8")
     assert code == 0
-    assert out.startswith("only.png: 8 x 8 pixels, 2 lights, 20 samples: ")
+    assert out.startswith("only.png: 8 x 8 pixels, 2 lights, 16 samples: ")
     assert sorted(p.name for p in folder.glob("only*")) == ["only.png"]
 
 
@@ -317,6 +378,7 @@ def test_shadow_to_png_alone(folder: Path, run: Run, exr: None) -> None:
         (["--samples", "0"], "--samples: expected 1 to 65534, got 0"),
         (["--samples", "two"], "--samples: expected an integer, got 'two'"),
         (["--order", "random"], "--order: invalid choice: 'random'"),
+        (["--sampler", "random"], "--sampler: invalid choice: 'random'"),
         (["--cache", "65"], "--cache: expected 0 to 64, got 65"),
         (["--deferment", "513"], "--deferment: expected 0 to 512, got 513"),
         (["--threads", "0"], "--threads: expected 1 to 256, got 0"),

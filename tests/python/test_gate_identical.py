@@ -136,6 +136,124 @@ def check_lights(
         assert np.array_equal(visible, expected), (what, mode)
 
 
+# Few triangles, on round coordinates: rays through edges, along faces, from corners.
+HOSTILE = (
+    "cube_missing_face",
+    "cube_and_plane",
+    "overlapping_cubes",
+    "touching_solids",
+    "furnished_room",
+    "thin_plates",
+    "fine_inverted_cube",
+    "fine_hollow_room",
+    "nested_shells",
+)
+# About solids that reach from -1 to 1 or a little farther: across, inside, on and in line with
+# faces.
+LIGHTS: dict[str, tuple[pyvocc.Light, ...]] = {
+    "rect": (
+        pyvocc.RectLight((-1, 1, -1), (2, 0, 0), (0, 0, 2)),
+        pyvocc.RectLight((-3, -1, -1), (6, 2, 0), (0, 1, 2), two_sided=False),
+    ),
+    "disk": (
+        pyvocc.DiskLight((0, 0, 0), (3, 0, 0), (0, 0, 3)),
+        pyvocc.DiskLight((0.5, 2, 0), (1, 0, 0), (0, 0.25, 0.5), two_sided=False),
+    ),
+    "sphere": (
+        pyvocc.SphereLight((0, 0, 0), 0.25),
+        pyvocc.SphereLight((0, 2, 0), 1),
+        pyvocc.SphereLight((0, 0, 0), 8),
+    ),
+    "point": (
+        pyvocc.PointLight((0, 3, 0)),
+        pyvocc.PointLight((1, 1, 1)),
+        pyvocc.PointLight((0.25, 0, 0.5), 0.5),
+    ),
+    "spot": (
+        pyvocc.SpotLight((0, 3, 0), (0, -1, 0), 0.75),
+        pyvocc.SpotLight((-2, 2, 0), (2, -2, 1), 1.5, 0.25),
+    ),
+    "sun": (
+        pyvocc.SunLight((0, 1, 0)),
+        pyvocc.SunLight((1, 1, 0)),
+        pyvocc.SunLight((-1, 2, 3), 0.25),
+        pyvocc.SunLight((0, 0, -1), 3.0),
+    ),
+}
+
+
+def receivers(vertices: Floats, triangles: NDArray[np.int32], count: int) -> tuple[Floats, Floats]:
+    """Points off triangles, on them, on vertices, on a lattice; normals of faces or whatever."""
+    random = np.random.default_rng(len(triangles))
+    chosen = triangles[random.integers(len(triangles), size=count)]
+    corners = vertices[chosen].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    points = np.einsum("nk,nkc->nc", random.dirichlet((1, 1, 1), count), corners)
+    kind = np.arange(count) % 6
+    points[kind < 3] += 1e-4 * normals[kind < 3]
+    points[kind == 4] = corners[kind == 4, 0]
+    points[kind == 5] = random.integers(-8, 9, (int((kind == 5).sum()), 3)) / 4
+    odd = random.random(count) < 0.2
+    normals[odd] = random.integers(-2, 3, (int(odd.sum()), 3))
+    return points.astype(np.float32), normals.astype(np.float32)
+
+
+def told(
+    scene: pyvocc.Scene,
+    points: Floats,
+    normals: Floats,
+    lights: tuple[pyvocc.Light, ...],
+    how: dict[str, Any],
+    mode: dict[str, Any],
+) -> tuple[bytes, ...]:
+    """Counts, bits and irradiance."""
+    bits = np.zeros((len(lights), len(points), 2), np.uint8)
+    counts = scene.light_visibility(points, normals, lights, 9, blocked=bits, **how, **mode)
+    shares = scene.light_irradiance(points, normals, lights, 9, **how, **mode)
+    return counts.tobytes(), bits.tobytes(), shares.tobytes()
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+@pytest.mark.parametrize("name", HOSTILE)
+def test_lights_of_every_type(name: str, kind: str) -> None:
+    vertices, triangles = GENERATORS[name]()
+    points, normals = receivers(vertices, triangles, 480)
+    ways: list[dict[str, Any]] = [
+        {"sampler": sampler, "horizon": horizon}
+        for sampler, horizon in product(("sobol", "jitter"), ("sample", "centre"))
+    ]
+    with pyvocc.Scene() as scene:
+        scene.add_mesh(vertices, triangles)
+        scene.build()
+        asked = (scene, points, normals, LIGHTS[kind])
+        expected = [told(*asked, how, BASELINE) for how in ways]
+        counts = np.frombuffer(expected[0][0], np.uint16)
+        assert {0, pyvocc.NOT_TRACED} <= set(counts.tolist())
+        # No sun shines into a closed room.
+        assert len(np.unique(counts)) > 2 or (name, kind) == ("furnished_room", "sun")
+        assert len(set(expected)) > 2
+        for number, mode in enumerate(modes()):
+            way = (number + number // 4) % 4
+            got = told(*asked, ways[way], mode)
+            assert got == expected[way], (name, kind, ways[way], mode)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_ambient_occlusion(name: str) -> None:
+    vertices, triangles = GENERATORS[name]()
+    points, normals = receivers(vertices, triangles, 600)
+    with pyvocc.Scene() as scene:
+        scene.add_mesh(vertices, triangles)
+        scene.build()
+        for distance in (0.25, 3.0, np.inf):
+            expected = scene.ambient_occlusion(points, normals, distance, 9, **BASELINE)
+            assert len(np.unique(expected)) > 2
+            for mode in modes():
+                opened = scene.ambient_occlusion(points, normals, distance, 9, **mode)
+                assert np.array_equal(opened, expected), (name, distance, mode)
+
+
 def check_mesh(vertices: Floats, triangles: NDArray[np.int32], count: int, what: str) -> None:
     with pyvocc.Scene() as scene:
         scene.add_mesh(vertices, triangles, name=what)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import builtins
 import contextlib
+import dataclasses
+import math
 import pickle
 import struct
 from collections.abc import Callable
@@ -407,6 +409,84 @@ def test_the_format_that_users_are_shown_is_accepted(tmp_path: Path) -> None:
     assert file.light_names == ("key",)
 
 
+LIGHT_TABLES: dict[str, tuple[str, pyvocc.Light]] = {
+    "rect": (
+        'type = "rect"\ncorner = [0, 1, 2]\nedge_u = [1, 0, 0]\nedge_v = [0, 1, 0]\n'
+        "two_sided = false",
+        pyvocc.RectLight((0, 1, 2), (1, 0, 0), (0, 1, 0), two_sided=False),
+    ),
+    "disk": (
+        'type = "disk"\ncenter = [0, 1, 2]\naxis_u = [1, 0, 0]\naxis_v = [0, 0.5, 0]',
+        pyvocc.DiskLight((0, 1, 2), (1, 0, 0), (0, 0.5, 0)),
+    ),
+    "disk, one side": (
+        'type = "disk"\ncenter = [0, 1, 2]\naxis_u = [1, 0, 0]\naxis_v = [0, 0.5, 0]\n'
+        "two_sided = false",
+        pyvocc.DiskLight((0, 1, 2), (1, 0, 0), (0, 0.5, 0), two_sided=False),
+    ),
+    "sphere": (
+        'type = "sphere"\ncenter = [0, 1, 2]\nradius = 0.5',
+        pyvocc.SphereLight((0, 1, 2), 0.5),
+    ),
+    "point": ('type = "point"\ncenter = [0, 1, 2]', pyvocc.PointLight((0, 1, 2))),
+    "point with a disk": (
+        'type = "point"\ncenter = [0, 1, 2]\nradius = 1',
+        pyvocc.PointLight((0, 1, 2), 1),
+    ),
+    "spot": (
+        'type = "spot"\ncenter = [0, 1, 2]\ndirection = [0, -3, 0]\nangle = 60\nradius = 0.25',
+        pyvocc.SpotLight((0, 1, 2), (0, -3, 0), math.radians(60), 0.25),
+    ),
+    "spot of all around": (
+        'type = "spot"\ncenter = [0, 1, 2]\ndirection = [0, -3, 0]\nangle = 360',
+        pyvocc.SpotLight((0, 1, 2), (0, -3, 0), 2 * math.pi),
+    ),
+    "sun": ('type = "sun"\ndirection = [1, 2, 3]', pyvocc.SunLight((1, 2, 3))),
+    "wide sun": (
+        'type = "sun"\ndirection = [1, 2, 3]\nangle = 180.0',
+        pyvocc.SunLight((1, 2, 3), math.pi),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LIGHT_TABLES)
+def test_a_light_of_any_type_is_read(scene_file: SceneMaker, name: str) -> None:
+    table, light = LIGHT_TABLES[name]
+    file = load_scene(scene_file(end=f"[[light]]\nname = 'other'\n{table}"))
+    assert file.lights[1] == light
+    assert file.light_names == ("light0", "other")
+    with file.build() as scene:
+        result = pyvocc.shadow_pass(scene, file.camera, file.lights, (24, 16))
+    assert (result.counts[1] != pyvocc.NOT_TRACED).any()
+    pixels = io.look(result, file.lights)
+    assert (io.look(result, (file.lights[0], SUN_BELOW)) <= pixels).all()
+    assert images.mask(result, 1).shape == (16, 24, 3)
+
+
+SUN_BELOW = pyvocc.SunLight((0, -1, 0))
+
+
+def test_every_type_of_light_is_in_the_format(tmp_path: Path) -> None:
+    told = {
+        line.split('"')[1]: line for line in scene_files.FORMAT.splitlines() if "type =" in line
+    }
+    assert list(told) == list(scene_files.LIGHTS)
+    for name, kind in scene_files.LIGHTS.items():
+        text = told[name] if name != "rect" else scene_files.FORMAT
+        assert all(field.name in text for field in dataclasses.fields(kind))
+
+
+def test_a_sun_lights_what_faces_it(scene_file: SceneMaker) -> None:
+    made = image(8, 8)
+    made.geom_id[:] = 0
+    made.visibility[:] = 1
+    made.normal[:, :4] = (0, 0.6, 0.8)
+    made.normal[:, 4:] = (0, 0.6, -0.8)
+    for length in (1e-3, 1, 1e3):
+        pixels = io.look(made, [pyvocc.SunLight((0, 0, length)), SUN_BELOW]).astype(int)
+        assert pixels[:, 4:].max() + 60 < pixels[:, :4].min()
+
+
 def test_defaults_of_a_scene_file(scene_file: SceneMaker) -> None:
     text = SCENE.replace("fov = 40", "tan_half_fov = 0.28").replace("[ground]\nsize = 20", "")
     file = load_scene(str(scene_file(text)))
@@ -476,6 +556,55 @@ def test_doubled_vertices_stay_together_when_turned(scene_file: SceneMaker) -> N
 
 BAD_SCENES: list[tuple[dict[str, str], str]] = [
     ({"light": "cornre = 1"}, "light[0].cornre: unknown key; did you mean 'corner'?"),
+    (
+        {"light": "radius = 1"},
+        "light[0].radius: unknown key; there are name, type, corner, edge_u, edge_v, two_sided",
+    ),
+    ({"light": "two_sided = 1"}, "light[0].two_sided: expected true or false, got the number 1"),
+    (
+        {"light": 'type = "spere"'},
+        "light[0].type: no light is of type 'spere'; did you mean 'sphere'",
+    ),
+    (
+        {"light": 'type = "area"'},
+        "light[0].type: no light is of type 'area'; there are rect, disk, sphere, point, spot, sun",
+    ),
+    ({"light": "type = 3"}, "light[0].type: expected a string, got the number 3"),
+    ({"end": '[[light]]\ntype = "disk"\nedge_u = 1'}, "light[1].edge_u: unknown key"),
+    (
+        {"end": '[[light]]\ntype = "disk"\ncenter = [0, 0, 0]\naxis_u = [1, 0, 0]'},
+        "light[1].axis_v: missing",
+    ),
+    ({"end": '[[light]]\ntype = "sphere"\ncenter = [0, 0, 0]'}, "light[1].radius: missing"),
+    (
+        {"end": '[[light]]\ntype = "sphere"\ncenter = [0, 0, 0]\nradius = -1'},
+        "light[1].radius: radius must be finite and at least 0, got -1",
+    ),
+    (
+        {"end": '[[light]]\ntype = "point"\ncenter = [0, 0, 0]\nradius = "big"'},
+        "light[1].radius: expected a number, got the string 'big'",
+    ),
+    (
+        {"end": '[[light]]\ntype = "spot"\ncenter = [0, 0, 0]\ndirection = [0, 1, 0]'},
+        "light[1].angle: missing",
+    ),
+    (
+        {"end": '[[light]]\ntype = "spot"\ncenter = [0, 0, 0]\ndirection = [0, 1, 0]\nangle = 361'},
+        "light[1].angle: expected 0 to 360 degrees, got 361",
+    ),
+    (
+        {"end": '[[light]]\ntype = "spot"\ncenter = [0, 0, 0]\ndirection = [0, 0, 0]\nangle = 9'},
+        "light[1].direction: direction must point somewhere, got (0, 0, 0)",
+    ),
+    ({"end": '[[light]]\ntype = "sun"'}, "light[1].direction: missing"),
+    (
+        {"end": '[[light]]\ntype = "sun"\ndirection = [0, 1, 0]\nangle = -0.5'},
+        "light[1].angle: expected 0 to 180 degrees, got -0.5",
+    ),
+    (
+        {"end": '[[light]]\ntype = "sun"\ndirection = [0, inf, 0]'},
+        "light[1].direction[1]: expected a finite number, got inf",
+    ),
     ({"mesh": "roate = [0, 1, 0]"}, "mesh[0].roate: unknown key; did you mean 'rotate'?"),
     ({"camera": "zzz = 1"}, "camera.zzz: unknown key; there are eye, target, up, fov"),
     ({"end": "[cammera]"}, "cammera: unknown key; did you mean 'camera'?"),

@@ -419,7 +419,13 @@ def test_blocked_and_visible_rays_are_those_of_the_pass() -> None:
     points = workload.shading_points(scene, 40)
     rays = measure.split_rays(scene, points, 6)
     visible = scene.light_visibility(
-        points.position, points.normal, workload.RECT_LIGHTS, 6, points.pixels
+        points.position,
+        points.normal,
+        workload.RECT_LIGHTS,
+        6,
+        points.pixels,
+        sampler="jitter",
+        horizon="centre",
     )
     traced = visible[visible != pyvocc.NOT_TRACED]
     assert len(rays["visible"][0]) == traced.sum()

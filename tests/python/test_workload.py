@@ -46,6 +46,8 @@ def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer, **options: Any) -> NDA
         [pyvocc.RectLight(*light) for light in workload.LIGHTS.astype(float).tolist()],
         samples=SAMPLES,
         point_ids=pixels,
+        sampler="jitter",
+        horizon="centre",
         **options,
     )
     counts = np.full((len(workload.LIGHTS), SIZE * SIZE), workload.NOT_TRACED, np.uint8)

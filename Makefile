@@ -13,11 +13,15 @@ PYTHON ?= $(or $(shell for p in python3 python3.14 python3.13 python3.12 python3
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench reproduce lib test-c lint format env clean FORCE
+.PHONY: help demo test test-blender test-blender-all addon bench reproduce lib test-c lint format \
+	env clean FORCE
 
 help:
 	@echo 'make demo       render the soft shadows of three scenes into out/, with and without occluders'
-	@echo 'make test       all tests: C (release, scalar, sanitize, thread), lint, Python'
+	@echo 'make test       all tests: C (release, scalar, sanitize, thread), lint, Blender, Python'
+	@echo 'make addon      the extension for Blender, dist/*.zip'
+	@echo 'make test-blender      its tests in Blender 4.5 and 5.2 (ARGS= for pytest; 1 GB each)'
+	@echo 'make test-blender-all  in 4.2 and 5.0 as well'
 	@echo 'make bench      measure the speed (ARGS= for its arguments)'
 	@echo 'make reproduce  repeat the measurements of the paper into docs/results (ARGS=--quick, ...)'
 	@echo 'make lib        build/$$(config)/libvocc.a'
@@ -25,7 +29,7 @@ help:
 	@echo 'make lint       check the format of C and Python, and the types'
 	@echo 'make format     format C and Python'
 	@echo 'make env        .venv with the package and all that the other targets need'
-	@echo 'make clean      remove what was built, but not .venv'
+	@echo 'make clean      remove what was built, but not .venv*'
 	@echo 'config=release|debug|sanitize|thread|scalar, CC=, CFLAGS=, LDFLAGS=, PYTHON='
 
 # ---- C -----------------------------------------------------------------------
@@ -117,6 +121,19 @@ bench: .venv/installed
 reproduce: .venv/installed
 	$(BIN)/pyvocc reproduce -o docs/results $(ARGS)
 
+# ---- Blender -----------------------------------------------------------------
+
+# Compiles only what changed, which the script itself knows.
+addon: .venv/ready
+	CC='$(CC)' $(BIN)/python -m tools.build_addon
+
+# Builds the extension first; a Blender that cannot be had here is skipped, and the end says why.
+test-blender: .venv/ready
+	@CC='$(CC)' $(BIN)/python -m tests.blender.run 4.5 5.2 -- $(ARGS)
+
+test-blender-all: .venv/ready
+	@CC='$(CC)' $(BIN)/python -m tests.blender.run 4.2 4.5 5.0 5.2 -- $(ARGS)
+
 # ---- checks ------------------------------------------------------------------
 
 C_FILES := $(wildcard csrc/*.c csrc/*.h csrc/*.inc tests/c/*.c tests/c/*.h bench/*.c bench/*.h)
@@ -141,10 +158,11 @@ test: .venv/installed
 	done
 	@echo '== lint'
 	@$(MAKE) --no-print-directory -s lint
+	@$(MAKE) --no-print-directory -s test-blender ARGS=
 	@echo '== Python tests'
 	@CC='$(CC)' $(BIN)/python -m pytest
 
 clean:
 	rm -rf build dist out *.egg-info pyvocc/_vocc*.so .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	rm -f .venv/installed
-	find pyvocc tests bench scenes csrc -name __pycache__ -type d -prune -exec rm -rf {} +
+	find pyvocc tests bench scenes csrc tools blender_addon -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -285,7 +285,9 @@ static uint64_t settle_group(lighting *g, const uint16_t *which, size_t count,
     for (i = 0; i < count && g->s->blocked; i++) {
         uint8_t *const bits = bits_of(g, which[i]);
         for (k = 0; k < samples; k++)
-            if (is_blocked(bits, k)) {
+            if (!dark && !bits[k / 8]) {
+                k |= 7;
+            } else if (is_blocked(bits, k)) {
                 g->tallies[which[i]].blocked++;
                 rays--;
             } else if (dark) {

@@ -1,0 +1,1 @@
+"""What builds and tests the Blender add-on; run from the project's folder with -m."""

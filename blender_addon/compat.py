@@ -155,10 +155,7 @@ def new_blur(tree: Any) -> tuple[Any, Any, Any]:
 
 def set_pass(render_pass: Any, values: NDArray[np.float32]) -> None:
     """Fills a pass of a render result: (h, w) or (h, w, channels), the lowest row first."""
-    if hasattr(render_pass.rect, "foreach_set"):
-        render_pass.rect.foreach_set(np.ascontiguousarray(values).ravel())
-    else:  # before 4.0
-        render_pass.rect = values.reshape(-1, render_pass.channels).tolist()
+    render_pass.rect.foreach_set(np.ascontiguousarray(values).ravel())
 
 
 def set_exr(image_settings: Any) -> None:

@@ -112,6 +112,7 @@ class Settings:
         ao_distance: how far occluders count, in world units.
         ao_samples: of each sub-pixel.
         irradiance: weigh samples as they light the surface, rather than alike.
+        all_lights: lights that cast no shadow are taken for lights that do.
         offset: of shading points from the surface in world units; None for the smallest.
         threads: 0 for one a processor.
     """
@@ -123,6 +124,7 @@ class Settings:
     ao_distance: float = 1.0
     ao_samples: int = 16
     irradiance: bool = False
+    all_lights: bool = False
     offset: float | None = None
     threads: int = 0
 

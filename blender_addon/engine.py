@@ -17,7 +17,7 @@ import pyvocc
 from . import report as reports
 from .bake import bake as bake_masks
 from .camera import view_of
-from .compat import set_pass
+from .compat import bring_up_to_date, set_pass
 from .data import Settings
 from .extract import read_world
 from .masks import COMBINED, MaskJob
@@ -197,6 +197,7 @@ def light_names(layer: bpy.types.ViewLayer) -> list[str]:
     are rendered: they get a pass, but no socket in the compositor.
     """
     names: list[str] = []
+    bring_up_to_date(layer)
     for object in _rendered(layer.layer_collection):
         # Its instances are rendered in its place.
         is_pattern = object.parent is not None and object.parent.instance_type in _BY_MESH

@@ -205,9 +205,10 @@ class PointJob:
             except ValueError as error:
                 self.notices.append(f"{light.name}: {error}; its mask is 0")
                 continue
-            blockers = light.blockers if light.casts_shadow else frozenset()
-            key = (light.casts_shadow, blockers, light.receivers)
-            group = groups.setdefault(key, _Group(blockers, light.receivers, light.casts_shadow))
+            casts_shadow = light.casts_shadow or self.settings.all_lights
+            blockers = light.blockers if casts_shadow else frozenset()
+            key = (casts_shadow, blockers, light.receivers)
+            group = groups.setdefault(key, _Group(blockers, light.receivers, casts_shadow))
             group.indices.append(index)
             group.shapes.append(shape)
         return list(groups.values())

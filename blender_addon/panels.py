@@ -72,6 +72,7 @@ class _Passes(_Sub):
         fields.active = values.use_shadow_masks
         fields.prop(values, "samples")
         fields.prop(values, "weighting")
+        fields.prop(values, "use_all_lights")
         layout.prop(values, "use_ao")
         fields = _fields(layout)
         fields.active = values.use_ao

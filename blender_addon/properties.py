@@ -58,6 +58,14 @@ class SceneProperties(bpy.types.PropertyGroup):
         ),
         default="VISIBILITY",
     )
+    use_all_lights: BoolProperty(
+        name="Lights Without Shadow Too",
+        description=(
+            "Make masks also for lights whose own Shadow is switched off, as if it were on. "
+            "Cycles then renders without shadows and their noise, and the masks bring them back"
+        ),
+        default=False,
+    )
     use_ao: BoolProperty(
         name="Ambient Occlusion",
         description="A pass with the unblocked share of the sky above each point",
@@ -148,6 +156,7 @@ def settings_of(scene: bpy.types.Scene) -> Settings:
         ao_distance=values.ao_distance,
         ao_samples=values.ao_samples,
         irradiance=values.weighting == "IRRADIANCE",
+        all_lights=values.use_all_lights,
         offset=None if values.use_auto_offset else values.offset,
         threads=threads,
     )

@@ -26,7 +26,6 @@ typedef struct leaf_query {
     float dir[3];
     test_ray *rays;
     size_t count;
-    uint32_t *triangle; /* of the tree, for each of the scene's that it has */
     int32_t *labels;
     size_t capacity;
     vocc_ray_classification result;
@@ -125,7 +124,7 @@ static int met_back(const leaf_query *q, const vocc_block *block, size_t i)
     vocc_crossing crossing;
     if (block->triangle[i] == UINT32_MAX)
         return 0;
-    corners += 9 * (size_t)q->triangle[block->triangle[i]];
+    corners += 9 * (size_t)block->slot[i];
     return vocc_triangle_test(org, q->dir, 0.0f, INFINITY, corners,
                               &crossing) &&
            crossing.det_sign > 0;
@@ -183,19 +182,14 @@ static vocc_status classify(leaf_query *q, size_t jobs)
     const vocc_allocator *a = &scene->allocator;
     const vocc_tree *tree = &scene->built.tree;
     vocc_status status = VOCC_ERROR_OUT_OF_MEMORY;
-    size_t i;
     q->rays = vocc_allocate(a, count_empty(scene), sizeof *q->rays);
-    q->triangle = vocc_allocate(a, scene->triangle_count, sizeof *q->triangle);
-    if (q->rays && q->triangle) {
-        for (i = 0; i < tree->triangle_count; i++)
-            q->triangle[tree->ids[i]] = (uint32_t)i;
+    if (q->rays) {
         (void)vocc_tree_leaves(tree, list_leaf, q);
         status = vocc_query_run(&q->query, jobs, shoot, q);
     }
     if (status == VOCC_OK)
         sum_up(q);
     vocc_release(a, q->rays);
-    vocc_release(a, q->triangle);
     return status;
 }
 

@@ -173,6 +173,9 @@ typedef struct ray_query {
     const vocc_rays *rays;
     const vocc_hits *hits; /* or */
     uint8_t *occluded;
+    /* With hits: NULL, or shading points. */
+    float *position, *normal;
+    double offset;
 } ray_query;
 
 static vocc_status check_rays(const vocc_rays *rays, vocc_error *error)
@@ -259,6 +262,70 @@ static void store_hits(const ray_query *q, size_t first,
     }
 }
 
+/* Not NaN and not infinite. */
+static double usable(double x)
+{
+    if (x != x)
+        return 0.0;
+    return x > DBL_MAX ? DBL_MAX : x < -DBL_MAX ? -DBL_MAX : x;
+}
+
+/* Where ray i of the block, number `ray` of all, meets its triangle. */
+static void find_shading_point(const ray_query *q, size_t ray,
+                               const vocc_block *block, size_t i,
+                               float position[3], float normal[3])
+{
+    const float *corners = q->query.scene->built.tree.corners;
+    double a[3], u[3], v[3], n[3], d[3], org[3], to[3], length, slope, t, side;
+    int k;
+    if (block->triangle[i] == UINT32_MAX) {
+        for (k = 0; k < 3; k++) {
+            position[k] = NAN;
+            normal[k] = 0.0f;
+        }
+        return;
+    }
+    corners += 9 * (size_t)block->slot[i];
+    for (k = 0; k < 3; k++) {
+        a[k] = (double)corners[k];
+        u[k] = (double)corners[3 + k] - a[k];
+        v[k] = (double)corners[6 + k] - a[k];
+        d[k] = (double)block->dir[k][i];
+        org[k] = vocc_get_float(&q->rays->org, ray, k) -
+                 q->query.scene->built.origin[k];
+        to[k] = a[k] - org[k];
+    }
+    vocc_cross(u, v, n);
+    length = sqrt(vocc_dot(n, n));
+    for (k = 0; k < 3; k++)
+        n[k] /= length;
+    slope = vocc_dot(d, n);
+    t = vocc_dot(to, n) / slope;
+    if (!(vocc_abs(t) <= DBL_MAX))
+        t = (double)block->t[i];
+    /* Not above 0 is the front, as it is for a slope that is not a number. */
+    side = slope > 0.0 ? -1.0 : 1.0;
+    for (k = 0; k < 3; k++) {
+        const double x = usable(n[k]);
+        position[k] = (float)((org[k] + t * d[k]) + q->offset * side * x);
+        normal[k] = (float)(side * x);
+    }
+}
+
+static void store_shading_points(const ray_query *q, size_t first,
+                                 const vocc_block *block)
+{
+    size_t i;
+    for (i = 0; i < block->count; i++) {
+        float position[3], normal[3];
+        find_shading_point(q, first + i, block, i, position, normal);
+        if (q->position)
+            memcpy(q->position + 3 * (first + i), position, sizeof position);
+        if (q->normal)
+            memcpy(q->normal + 3 * (first + i), normal, sizeof normal);
+    }
+}
+
 static vocc_status trace_rays(void *context, size_t job, int worker,
                               vocc_jobs *jobs)
 {
@@ -276,6 +343,8 @@ static vocc_status trace_rays(void *context, size_t job, int worker,
         if (q->hits) {
             q->query.kernels->closest(w->tracer, w->block);
             store_hits(q, first, w->block);
+            if (q->position || q->normal)
+                store_shading_points(q, first, w->block);
         } else {
             q->query.kernels->occluded(w->tracer, w->block);
             memcpy(q->occluded + first, w->block->occluded, w->block->count);
@@ -302,6 +371,16 @@ vocc_status vocc_intersect(const vocc_scene *scene, const vocc_rays *rays,
                            const vocc_hits *hits,
                            const vocc_query_options *options, vocc_error *error)
 {
+    return vocc_shading_points(scene, rays, 0.0, hits, NULL, NULL, options,
+                               error);
+}
+
+vocc_status vocc_shading_points(const vocc_scene *scene, const vocc_rays *rays,
+                                double offset, const vocc_hits *hits,
+                                float *position, float *normal,
+                                const vocc_query_options *options,
+                                vocc_error *error)
+{
     ray_query q;
     const vocc_status status = check_rays(rays, error);
     if (status != VOCC_OK)
@@ -309,8 +388,15 @@ vocc_status vocc_intersect(const vocc_scene *scene, const vocc_rays *rays,
     if (!hits)
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "hits", -1,
                          (double)NAN, "hits: NULL");
+    if (!(offset >= 0.0 && offset <= DBL_MAX))
+        return vocc_fail(
+            error, VOCC_ERROR_INVALID_ARGUMENT, "offset", -1, offset,
+            "offset is %.10g: it has to be finite and at least 0", offset);
     q.rays = rays;
     q.hits = hits;
+    q.position = position;
+    q.normal = normal;
+    q.offset = offset;
     q.occluded = NULL;
     return run_rays(scene, &q, options, error);
 }

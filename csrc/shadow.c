@@ -65,6 +65,9 @@ typedef struct lighting {
 /* Some milliseconds. */
 enum { POLL_RAYS = 16 * VOCC_BLOCK };
 
+/* Samples that need no tracing take as long as a ray. */
+enum { SAMPLES_LIKE_A_RAY = 4 };
+
 /* Work as long as that of so many rays is done. */
 static vocc_status poll(lighting *g, uint64_t rays)
 {
@@ -146,7 +149,7 @@ static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
     vocc_block *block = g->worker->block;
     tally *sum = &g->tallies[which];
     vocc_aim aim;
-    uint32_t i;
+    uint32_t i, skipped = 0;
     int k;
     vocc_aim_init(&aim, g->light, point, g->t->normal[which]);
     for (i = 0; i < s->pattern.samples; i++) {
@@ -158,6 +161,7 @@ static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
         if (part_only && !vocc_aim_is_above(&aim, dir)) {
             sum->below++;
             sum->blocked++;
+            skipped++;
             continue;
         }
         if (s->irradiance) {
@@ -166,6 +170,7 @@ static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
         }
         if (is_blocked(bits, place->sample)) {
             sum->blocked++;
+            skipped++;
             continue;
         }
         for (k = 0; k < 3; k++) {
@@ -183,7 +188,7 @@ static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
                 return status;
         }
     }
-    return VOCC_OK;
+    return poll(g, skipped / SAMPLES_LIKE_A_RAY);
 }
 
 /* The weights of a point whose samples need no tracing. */
@@ -274,15 +279,16 @@ static vocc_status walk_group(lighting *g, const uint16_t *which, size_t count,
 }
 
 /* All rays of the group are lit, or all dark, but for those that are blocked
- * already.  Returns the number of the others. */
-static uint64_t settle_group(lighting *g, const uint16_t *which, size_t count,
-                             int dark)
+ * already.  The others are added to *settled. */
+static vocc_status settle_group(lighting *g, const uint16_t *which,
+                                size_t count, int dark, uint64_t *settled)
 {
     const uint32_t samples = g->s->pattern.samples;
     uint64_t rays = (uint64_t)count * samples;
+    vocc_status status = VOCC_OK;
     size_t i;
     uint32_t k;
-    for (i = 0; i < count && g->s->blocked; i++) {
+    for (i = 0; i < count && g->s->blocked && status == VOCC_OK; i++) {
         uint8_t *const bits = bits_of(g, which[i]);
         for (k = 0; k < samples; k++)
             if (!dark && !bits[k / 8]) {
@@ -295,6 +301,7 @@ static uint64_t settle_group(lighting *g, const uint16_t *which, size_t count,
             }
         if (!dark && g->s->irradiance && g->tallies[which[i]].blocked)
             weigh_point(g, which[i]);
+        status = poll(g, samples / SAMPLES_LIKE_A_RAY);
     }
     g->worker->tracer->counters.rays += rays;
     if (dark) {
@@ -302,7 +309,8 @@ static uint64_t settle_group(lighting *g, const uint16_t *which, size_t count,
         for (i = 0; i < count; i++)
             g->tallies[which[i]].blocked = samples;
     }
-    return rays;
+    *settled += rays;
+    return status;
 }
 
 static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
@@ -315,10 +323,10 @@ static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
         return status;
     switch (found) {
     case VOCC_SHAFT_LIT:
-        counters->entry_lit_rays += settle_group(g, which, count, 0);
+        status = settle_group(g, which, count, 0, &counters->entry_lit_rays);
         break;
     case VOCC_SHAFT_DARK:
-        counters->entry_dark_rays += settle_group(g, which, count, 1);
+        status = settle_group(g, which, count, 1, &counters->entry_dark_rays);
         break;
     case VOCC_SHAFT_FEW:
         counters->entry_few_rays += (uint64_t)count * g->s->pattern.samples;
@@ -409,10 +417,12 @@ static vocc_status light_voxels(lighting *g, const uint16_t *which,
             break;
         switch (found) {
         case VOCC_SHAFT_LIT:
-            counters->voxel_lit_rays += settle_group(g, which + i, n, 0);
+            status =
+                settle_group(g, which + i, n, 0, &counters->voxel_lit_rays);
             break;
         case VOCC_SHAFT_DARK:
-            counters->voxel_dark_rays += settle_group(g, which + i, n, 1);
+            status =
+                settle_group(g, which + i, n, 1, &counters->voxel_dark_rays);
             break;
         case VOCC_SHAFT_FEW:
         case VOCC_SHAFT_MANY:

@@ -120,7 +120,7 @@ typedef struct careful {
     const vocc_tree *tree;
     float org[3], dir[3], tmin, tmax;
     float t, u, v;
-    uint32_t id; /* of the closest */
+    uint32_t id, slot; /* of the closest, in scene and tree */
 } careful;
 
 static int any_hit(void *context, uint32_t triangle, double *tmax)
@@ -145,6 +145,7 @@ static int closest_hit(void *context, uint32_t triangle, double *tmax)
             c->u = (float)crossing.u;
             c->v = (float)crossing.v;
             c->id = id;
+            c->slot = triangle;
             /* Whatever rounds to the same float is still of interest. */
             if (t < FLT_MAX && t > -FLT_MAX)
                 *tmax = (double)nextafterf(t, INFINITY);
@@ -167,7 +168,7 @@ void vocc_trace_careful(vocc_tracer *tracer, vocc_block *block, size_t ray,
     c.tmax = block->tmax[ray];
     c.t = INFINITY;
     c.u = c.v = 0.0f;
-    c.id = UINT32_MAX;
+    c.id = c.slot = UINT32_MAX;
     if (closest) {
         (void)vocc_walk(c.tree, c.org, c.dir, (double)c.tmin, (double)c.tmax,
                         closest_hit, &c);
@@ -175,6 +176,7 @@ void vocc_trace_careful(vocc_tracer *tracer, vocc_block *block, size_t ray,
         block->u[ray] = c.u;
         block->v[ray] = c.v;
         block->triangle[ray] = c.id;
+        block->slot[ray] = c.slot;
     } else {
         block->occluded[ray] = (uint8_t)vocc_walk(
             c.tree, c.org, c.dir, (double)c.tmin, (double)c.tmax, any_hit, &c);

@@ -36,7 +36,8 @@ typedef struct vocc_block {
     float t[VOCC_BLOCK + VOCC_MAX_LANES];
     float u[VOCC_BLOCK + VOCC_MAX_LANES];
     float v[VOCC_BLOCK + VOCC_MAX_LANES];
-    uint32_t triangle[VOCC_BLOCK + VOCC_MAX_LANES];
+    uint32_t triangle[VOCC_BLOCK + VOCC_MAX_LANES]; /* of the scene */
+    uint32_t slot[VOCC_BLOCK + VOCC_MAX_LANES];     /* of the tree */
 } vocc_block;
 
 /* The occluder cache (slides, "Reusing volumetric occluders").

@@ -16,8 +16,8 @@
  *   1. vocc_scene_create     an empty scene
  *   2. vocc_scene_add_mesh   as often as there are meshes; arrays are copied
  *   3. vocc_scene_build      kd-tree, regions; the scene is then frozen
- *   4. vocc_intersect, vocc_occluded, vocc_region, vocc_light_visibility,
- *      vocc_ambient_occlusion
+ *   4. vocc_intersect, vocc_shading_points, vocc_occluded, vocc_region,
+ *      vocc_light_visibility, vocc_ambient_occlusion
  *   5. vocc_scene_free
  *
  * ERRORS
@@ -462,6 +462,20 @@ VOCC_API vocc_status vocc_intersect(const vocc_scene *scene,
                                     const vocc_hits *hits,
                                     const vocc_query_options *options,
                                     vocc_error *error);
+
+/* What rays see first, as shadow rays start from it: vocc_intersect, and for
+ * each ray the point where it meets the plane of its triangle, moved by
+ * `offset` (>= 0) along the triangle's unit normal on the side of org:
+ * position[3 i], less vocc_scene_origin, and normal[3 i]; NaN and 0 for a miss.
+ * They are computed in double from org and the triangle and rounded once; t is
+ * used where the triangle is edge-on in double.  position, normal: NULL, or 3
+ * floats a ray.  hits: as for vocc_intersect.  Fails as vocc_intersect. */
+VOCC_API vocc_status vocc_shading_points(const vocc_scene *scene,
+                                         const vocc_rays *rays, double offset,
+                                         const vocc_hits *hits, float *position,
+                                         float *normal,
+                                         const vocc_query_options *options,
+                                         vocc_error *error);
 
 /* Any hit: occluded[i] = 1 or 0 for each ray.  Fails as vocc_intersect. */
 VOCC_API vocc_status vocc_occluded(const vocc_scene *scene,

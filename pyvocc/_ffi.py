@@ -429,6 +429,41 @@ def _rays(count: int, org: Rows, dir: Rows, tmin: Rows | None, tmax: Rows | None
     return ffi.new("vocc_rays *", (count, _array(org), _array(dir), _array(tmin), _array(tmax)))
 
 
+def shading_points(
+    scene: Handle,
+    count: int,
+    org: Rows,
+    dir: Rows,
+    offset: float,
+    hits: Sequence[AnyArray],
+    position: AnyArray,
+    normal: AnyArray,
+    query: Query,
+    progress: Progress | None,
+) -> None:
+    """Fills hits: t, geom_id, prim_id; and position, normal: (count, 3) float32."""
+    t, geom_id, prim_id = hits
+    outputs = ffi.new(
+        "vocc_hits *",
+        (
+            _pointer("float", t),
+            _pointer("int32_t", geom_id),
+            _pointer("int32_t", prim_id),
+            ffi.NULL,
+            ffi.NULL,
+        ),
+    )
+    args = (
+        scene,
+        _rays(count, org, dir, None, None),
+        offset,
+        outputs,
+        _pointer("float", position),
+        _pointer("float", normal),
+    )
+    _query(lib.vocc_shading_points, args, query, progress, None)
+
+
 def intersect(
     scene: Handle,
     count: int,

@@ -5,15 +5,23 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arrays import AnyArray, broadcast, floats, split_rows
+from . import _ffi
+from ._arrays import AnyArray
 from ._ffi import NOT_TRACED, Progress
-from ._query import QueryOptions, check_options, sampling_of
+from ._query import (
+    QueryOptions,
+    check_options,
+    checked_progress,
+    query_of,
+    rays_of,
+    sampling_of,
+)
 from ._values import integer, number, size_2d
 from .camera import PerspectiveCamera
 from .errors import InvalidArgument, InvalidType
@@ -196,20 +204,32 @@ def shading_points(
     """
     if not isinstance(scene, Scene):
         raise InvalidType(f"scene must be a Scene, not {type(scene).__name__}", argument="scene")
-    orgs, dirs = floats("org", org), floats("dir", dir)
-    lead = broadcast({"org": split_rows("org", orgs, 3), "dir": split_rows("dir", dirs, 3)})
     distance = scene.safe_offset if offset is None else _distance(offset)
-    hits = scene.intersect(orgs, dirs, packets=packets, isa=isa, threads=threads, progress=progress)
-    moved = bool(scene.origin.any())
-    position = np.full((*lead, 3), np.nan, np.float64 if moved else np.float32)
-    normal = np.zeros((*lead, 3), np.float32)
-    hit = hits.prim_id >= 0
-    corners = scene.corners(hits.geom_id[hit], hits.prim_id[hit])
-    starts = orgs if orgs.ndim == 1 else np.broadcast_to(orgs, (*lead, 3))[hit]
-    ways = np.broadcast_to(dirs, (*lead, 3))[hit].astype(np.float32)
-    at, normal[hit] = shading_point(corners, starts - scene.origin, ways, hits.t[hit], distance)
-    position[hit] = at + scene.origin if moved else at
-    return ShadingPoints(position, normal, hits.geom_id, hits.prim_id, hits.t)
+    count, lead, (orgs, dirs, _, _) = rays_of(org, dir, 0.0, np.inf)
+    query = query_of(scene._threads, {"packets": packets, "isa": isa, "threads": threads})
+    points = ShadingPoints(
+        np.empty((*lead, 3), np.float32),
+        np.empty((*lead, 3), np.float32),
+        np.empty(lead, np.int32),
+        np.empty(lead, np.int32),
+        np.empty(lead, np.float32),
+    )
+    with scene._borrow() as handle:
+        _ffi.shading_points(
+            handle,
+            count,
+            orgs,
+            dirs,
+            distance,
+            (points.t, points.geom_id, points.prim_id),
+            points.position,
+            points.normal,
+            query,
+            checked_progress(progress),
+        )
+    if scene.origin.any():
+        return replace(points, position=points.position + scene.origin)
+    return points
 
 
 def _pixel_points(

@@ -967,6 +967,13 @@ static void ray_arguments(void)
            -1, NAN);
     EXPECT(vocc_intersect(scene, &rays, NULL, NULL, &error), INVALID, "hits",
            -1, NAN);
+    vocc_hits hits;
+    memset(&hits, 0, sizeof(hits));
+    static const double offsets[] = {-1.0, HUGE_VAL, (double)NAN};
+    for (int i = 0; i < 3; i++)
+        EXPECT(vocc_shading_points(scene, &rays, offsets[i], &hits, NULL, NULL,
+                                   NULL, &error),
+               INVALID, "offset", -1, offsets[i]);
     int32_t region[2];
     vocc_array bad = rays.org;
     EXPECT(vocc_region(scene, 2, rays.org, NULL, NULL, &error), INVALID,

@@ -196,6 +196,10 @@ def test_a_light_without_shadows_lights_what_faces_it() -> None:
     assert set(np.unique(made["Shadow Off"])) == {0, 1}
     assert (made["Shadow Off"] >= np.ceil(made["Shadow On"])).all()
     assert (made["Shadow Off"] > made["Shadow On"]).any()
+    made = frame(world(off, on), replace(ONE, all_lights=True))
+    # The same light, but for its samples.
+    assert np.abs(made["Shadow Off"] - made["Shadow On"]).max() < 0.5
+    assert_array_equal(made["Shadow Off"] == 0, made["Shadow On"] == 0)
 
 
 def test_a_light_halfway_below_the_surface() -> None:

@@ -195,6 +195,13 @@ calls = dict(
     below=lambda: scene.light_visibility(
         org[:1000], dir[:1000], [pyvocc.SunLight((0, 1, 0), np.pi)], 60000
     ),
+    weighed=lambda: scene.light_irradiance(
+        org[:2000],
+        (0, 1, 0),
+        [pyvocc.SphereLight((5, 4.01, 0), 1)] * 20,
+        60000,
+        blocked=np.full((20, 2000, 7500), 1, np.uint8),
+    ),
     many_lights=lambda: scene.light_visibility(org[:256], -dir[:256], [light] * 300_000, 1),
     shadow_pass=lambda: pyvocc.shadow_pass(scene, camera, [light], (2048, 2048), 8192),
 )
@@ -226,7 +233,7 @@ def seconds_to_stop(name: str, threads: int) -> float:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("name", [*LONG_CALLS, "below", "many_lights", "shadow_pass"])
+@pytest.mark.parametrize("name", [*LONG_CALLS, "below", "weighed", "many_lights", "shadow_pass"])
 def test_ctrl_c_stops_every_call_within_a_fifth_of_a_second(name: str, threads: int) -> None:
     # The best of a few: the machine may have been busy with something else.
     assert any(seconds_to_stop(name, threads) < 0.2 for _ in range(4))

@@ -262,6 +262,14 @@ def test_a_spot_lights_its_cone(cube: pyvocc.Scene) -> None:
         assert inside.any() == (degrees > 0)
         counts = cube.light_visibility(points, normals, [spot])[0]
         assert (counts == np.where(inside, expected, pyvocc.NOT_TRACED)).all()
+        # Its edge, to some millionths of a radian.
+        turn = np.arange(100) * 0.7
+        around = np.cos(turn)[:, None] * (0.8, 0.6, 0) + np.sin(turn)[:, None] * (0, 0, 1)
+        for off in (-3e-6, 3e-6):
+            half = math.radians(degrees / 2) + off
+            edge = centre + 3 * (math.cos(half) * axis + math.sin(half) * around)
+            reached = cube.light_visibility(edge, centre - edge, [spot])[0] != pyvocc.NOT_TRACED
+            assert (reached == (off < 0 or degrees == 360)).all() or degrees == 0
 
 
 # ---- lights at their limits --------------------------------------------------
@@ -779,3 +787,27 @@ def test_a_moved_scene_gives_the_same_picture(small: Small) -> None:
     same = (moved.prim_id == near.prim_id) & (near.prim_id >= 0)
     assert np.allclose(moved.position[same] - far, near.position[same], atol=1e-6)
     assert (moved.counts[:, same] != near.counts[:, same]).mean() < 0.01
+
+
+def test_shading_points_are_the_formula_bit_for_bit() -> None:
+    random = np.random.default_rng(8)
+    vertices, triangles = geodesic_sphere(30)
+    for shift in (0.0, 1e6 + 0.123):
+        with pyvocc.Scene() as scene:
+            scene.add_mesh(vertices + shift, triangles)
+            scene.build()
+            org = np.array([3.0, 2, 5]) + shift
+            dir = random.normal(0, 0.5, (20_000, 3)) + shift - org
+            seen = pyvocc.shading_points(scene, org, dir, offset=1e-3)
+            hits = scene.intersect(org, dir)
+            assert (seen.t == hits.t).all() and (seen.prim_id == hits.prim_id).all()
+            hit = hits.prim_id >= 0
+            assert 0.5 < hit.mean() < 1
+            corners = scene.corners(hits.geom_id[hit], hits.prim_id[hit])
+            position, normal = shading_point(
+                corners, org - scene.origin, dir[hit].astype(F), hits.t[hit], 1e-3
+            )
+            expected = position + scene.origin if scene.origin.any() else position
+            assert seen.position[hit].tobytes() == expected.tobytes()
+            assert seen.normal[hit].tobytes() == normal.tobytes()
+            assert np.isnan(seen.position[~hit]).all() and not seen.normal[~hit].any()

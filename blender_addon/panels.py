@@ -165,10 +165,14 @@ class _Report(_Sub):
                 f"{report.count_text(found.rays)} rays, "
                 f"{found.mrays_per_second:.1f} million a second",
             )
-            settled = {rule: count for rule, count in found.settled.items() if count}
+            total = sum(found.settled.values())
             _draw_table(
                 layout,
-                {rule: f"{100 * count / found.rays:.1f} %" for rule, count in settled.items()},
+                {
+                    rule: f"{100 * count / total:.1f} %"
+                    for rule, count in found.settled.items()
+                    if count
+                },
             )
         _draw_table(
             layout, {stage.title(): f"{time:.2f} s" for stage, time in found.seconds.items()}

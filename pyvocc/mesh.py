@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,6 +66,7 @@ class Geometry:
             return 0.0
         return float(np.max(points.max(axis=0).astype(np.float64) - points.min(axis=0)))
 
+    @cached_property
     def largest_coordinate(self) -> float:
         """Largest |coordinate| of a triangle's corner; 0 without any."""
         used = np.zeros(len(self._vertices), bool)

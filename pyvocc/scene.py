@@ -689,4 +689,4 @@ class Scene:
         is surely above it when it has been rounded to float32: twice what rounding can take,
         2^-21 of the largest |coordinate - origin|."""
         self._open()
-        return 2.0**-21 * self._geometry.largest_coordinate()
+        return 2.0**-21 * self._geometry.largest_coordinate

@@ -59,7 +59,7 @@ class SceneProperties(bpy.types.PropertyGroup):
         default="VISIBILITY",
     )
     use_all_lights: BoolProperty(
-        name="Lights Without Shadow Too",
+        name="All Lights",
         description=(
             "Make masks also for lights whose own Shadow is switched off, as if it were on. "
             "Cycles then renders without shadows and their noise, and the masks bring them back"

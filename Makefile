@@ -13,7 +13,7 @@ PYTHON ?= $(or $(shell for p in python3 python3.14 python3.13 python3.12 python3
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-blender test-blender-all addon bench reproduce lib test-c lint format \
+.PHONY: help demo test test-blender test-blender-gui test-blender-all addon bench reproduce lib test-c lint format \
 	env clean FORCE
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo 'make test       all tests: C (release, scalar, sanitize, thread), lint, Blender, Python'
 	@echo 'make addon      the extension for Blender, dist/*.zip'
 	@echo 'make test-blender      its tests in Blender 4.5 and 5.2 (ARGS= for pytest; 1 GB each)'
+	@echo 'make test-blender-gui  in a window, under Xvfb'
 	@echo 'make test-blender-all  in 4.2 and 5.0 as well'
 	@echo 'make bench      measure the speed (ARGS= for its arguments)'
 	@echo 'make reproduce  repeat the measurements of the paper into docs/results (ARGS=--quick, ...)'
@@ -134,6 +135,10 @@ test-blender: .venv/ready
 test-blender-all: .venv/ready
 	@CC='$(CC)' $(BIN)/python -m tests.blender.run 4.2 4.5 5.0 5.2 -- $(ARGS)
 
+# In a window, with Debian's Blender under Xvfb, where they are installed.
+test-blender-gui: .venv/ready
+	@$(BIN)/python -m tests.blender.gui_smoke || [ $$? -eq 77 ]
+
 # ---- checks ------------------------------------------------------------------
 
 C_FILES := $(wildcard csrc/*.c csrc/*.h csrc/*.inc tests/c/*.c tests/c/*.h bench/*.c bench/*.h)
@@ -159,6 +164,7 @@ test: .venv/installed
 	@echo '== lint'
 	@$(MAKE) --no-print-directory -s lint
 	@$(MAKE) --no-print-directory -s test-blender ARGS=
+	@$(MAKE) --no-print-directory -s test-blender-gui
 	@echo '== Python tests'
 	@CC='$(CC)' $(BIN)/python -m pytest
 

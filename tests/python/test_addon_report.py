@@ -24,7 +24,7 @@ REPORT = Report(
     left_out=(("Fur", "hair curves are not meshes"),),
     notices=("There is no light",),
     rays=2_000_000,
-    settled={"Inside a solid": 500_000, "Few triangles": 0},
+    settled={"Inside a solid": 500_000, "Few triangles": 0, "Traced": 1_500_000},
     seconds={"build": 1.0, "trace": 4.0},
 )
 
@@ -50,6 +50,7 @@ def test_lines() -> None:
         "Leaf: open, 4 open edges",
         "Fur: left out, hair curves are not meshes",
         "Inside a solid: 500 k rays, 25.0 %",
+        "Traced: 1.5 M rays, 75.0 %",
         "build: 1.000 s",
         "trace: 4.000 s",
     ]

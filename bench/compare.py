@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 from . import programs
 from .inputs import Input
 from .rational import Oracle
-from .workload import NOT_TRACED, directions, load_counts, load_gbuffer, load_mesh
+from .workload import (
+    LIGHTS,
+    NOT_TRACED,
+    SCENES,
+    Floats,
+    directions,
+    load_counts,
+    load_gbuffer,
+    load_scene,
+)
 
 Rays: TypeAlias = NDArray[np.float32]  # (rays, 6): org, dir
 # Counts that are settled: if more differ, the images are of different rays.
@@ -63,7 +72,7 @@ class Verdict:
 
 
 def differing(
-    ours: NDArray[np.uint8], reference: NDArray[np.uint8]
+    ours: NDArray[np.uint16], reference: NDArray[np.uint16]
 ) -> tuple[int, list[tuple[int, int]]]:
     """How many (light, pixel) only one has traced, and which of the others differ."""
     mistraced = (ours == NOT_TRACED) != (reference == NOT_TRACED)
@@ -80,10 +89,11 @@ def settle(
     make_oracle: Callable[[], Oracle],
     points: NDArray[np.float32],
     samples: int,
-    ours: NDArray[np.uint8],
-    reference: NDArray[np.uint8],
+    ours: NDArray[np.uint16],
+    reference: NDArray[np.uint16],
     trace: Trace,
     trace_embree: Trace | None = None,
+    light_list: Floats = LIGHTS,
 ) -> Verdict:
     """Traces the rays of each differing pixel and light by all that can be asked.
 
@@ -98,7 +108,7 @@ def settle(
     rays = np.empty((len(pairs), samples, 6), np.float32)
     for row, (light, pixel) in zip(rays, pairs, strict=True):
         row[:, :3] = points[pixel]
-        row[:, 3:] = directions(light, pixel, points[pixel], samples)
+        row[:, 3:] = directions(light, pixel, points[pixel], samples, light_list)
     oracle = make_oracle()
     flat = rays.reshape(-1, 6)
     exact = np.array([oracle.occluded(ray[:3], ray[3:], tmax=1.0) for ray in flat])
@@ -128,50 +138,55 @@ def settle(
     return Verdict(mesh, traced, mistraced, unsettled, found)
 
 
-def tracer(program: str, mesh: Path, mode: str, folder: Path) -> Trace:
+def tracer(program: str, mesh: Path, scene: str, mode: str, folder: Path) -> Trace:
     """Traces arrays of rays by starting a program on them."""
 
     def trace(rays: Rays) -> NDArray[np.bool_]:
         source, target = folder / "rays", folder / "results"
         rays.astype("<f4").tofile(source)
-        programs.run(program, mesh, "--trace", source, target, mode)
+        programs.run(program, mesh, "--scene", scene, "--trace", source, target, mode)
         return np.fromfile(target, np.uint8).astype(bool)
 
     return trace
 
 
 def verify(
-    item: Input, size: int, samples: int, embree: bool, modes: Sequence[str]
+    item: Input, scene: str, size: int, samples: int, embree: bool, modes: Sequence[str]
 ) -> list[tuple[str, Verdict]]:
     """Our image in each mode against the reference, or where there is none, Embree's image."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         image = folder / "counts"
-        common = (item.path, "--size", str(size), "--samples", str(samples), "--counts", image)
-        gbuffer = item.gbuffer(size)
-        stored = item.counts(size, samples)
+        common = (
+            item.path,
+            *("--scene", scene, "--size", str(size), "--samples", str(samples)),
+            *("--counts", image),
+        )
+        gbuffer = item.gbuffer(size, scene)
+        stored = item.counts(size, samples, scene)
         if stored is None:
             if not embree:
                 raise programs.BenchError(
                     f"{item.name}: neither reference counts nor Embree to compare with"
                 )
             programs.run("embree", *common, "--gbuf", gbuffer, "robust-1")
-        reference = load_counts(stored or image, size, size)
+        reference = load_counts(stored or image, size, samples)
         points = load_gbuffer(gbuffer).points
 
         def make_oracle() -> Oracle:
-            return Oracle(*load_mesh(item.path).with_ground())
+            return Oracle(*load_scene(item.path, scene).mesh.with_ground())
 
-        theirs = tracer("embree", item.path, "robust-1", folder) if embree else None
+        theirs = tracer("embree", item.path, scene, "robust-1", folder) if embree else None
+        lights = SCENES[scene].lights
         verdicts = []
         for mode in modes:
             line = programs.run("vocc", *common, "--gbuf", gbuffer, mode)[0]
             if "error" in line:
                 continue
-            ours = load_counts(image, size, size)
-            trace = tracer("vocc", item.path, mode, folder)
+            ours = load_counts(image, size, samples)
+            trace = tracer("vocc", item.path, scene, mode, folder)
             verdict = settle(
-                item.name, make_oracle, points, samples, ours, reference, trace, theirs
+                item.name, make_oracle, points, samples, ours, reference, trace, theirs, lights
             )
             verdicts.append((mode, verdict))
         return verdicts

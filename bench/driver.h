@@ -10,18 +10,22 @@
  * rays, or only those with a known outcome. */
 typedef enum dr_kind { DR_PASS, DR_ALL, DR_BLOCKED, DR_VISIBLE } dr_kind;
 
+/* Of the arrays: tile, pixel, light, sample; the same rays shuffled; or as many
+ * segments between random points in the bounds of the mesh. */
+typedef enum dr_order { DR_TILE, DR_SHUFFLE, DR_RANDOM } dr_order;
+
 typedef struct dr_options {
-    const char *mesh_path, *mesh_name;
+    const char *mesh_path, *mesh_name, *scene_name;
     const char *gbuffer_path; /* loaded; made and written where absent */
-    const char *counts_path, *dump_path, *trace_in, *trace_out;
+    const char *counts_path, *dump_path, *load_path, *trace_in, *trace_out;
     const char *build_options;
     uint32_t size, samples;
     size_t tile_limit;
     int repeat, counters, build_only, build_threads;
     dr_kind kind;
+    dr_order order;
 } dr_options;
 
-/* Rays in tile order: tile, pixel, light, sample. */
 typedef struct dr_rays {
     size_t count;
     float (*org)[3], (*dir)[3];
@@ -32,6 +36,7 @@ typedef struct dr_rays {
  * their G-buffer rows. */
 typedef struct dr_job {
     dr_options options;
+    wl_scene scene;
     wl_mesh mesh;
     wl_gbuffer gbuffer;
     wl_sampler sampler;
@@ -40,7 +45,7 @@ typedef struct dr_job {
     size_t pixel_count;
     uint32_t *pixels;
     float (*points)[3], (*normals)[3];
-    uint8_t *image; /* [5][height][width] visible samples, or 255 */
+    uint16_t *image; /* [lights][height][width] visible samples */
     dr_rays rays;
     uint8_t *blocked; /* of `rays`, as just traced */
 } dr_job;

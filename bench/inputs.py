@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .programs import BUILD, ROOT, BenchError
-from .workload import MESHES, normalised, save_mesh
+from .workload import MESHES, SCENES, normalised, save_mesh
 
 SHARED = ROOT.parent / "shared"
 
@@ -37,20 +37,22 @@ class Input:
     path: Path
     workload: Path | None  # the folder with reference G-buffers and counts
 
-    def gbuffer(self, size: int) -> Path:
+    def gbuffer(self, size: int, scene: str) -> Path:
         """To be loaded, or made and kept by the first program that runs."""
-        if self.workload is not None:
+        if self.workload is not None and scene == "workload":
             reference = self.workload / f"{self.name}_{size}.gbuf"
             if reference.exists():
                 return reference
         folder = BUILD / "gbuffers"
         folder.mkdir(parents=True, exist_ok=True)
-        # Named by the mesh's content: a changed mesh must not find its old G-buffer.
-        return folder / f"{self.name}_{size}_{zlib.crc32(self.path.read_bytes()):08x}.gbuf"
+        # Named by content: a changed mesh or scene must not find its old G-buffer.
+        content = zlib.crc32(f"{SCENES[scene].copies} {SCENES[scene].camera}".encode())
+        content = zlib.crc32(self.path.read_bytes(), content)
+        return folder / f"{self.name}_{scene}_{size}_{content:08x}.gbuf"
 
-    def counts(self, size: int, samples: int) -> Path | None:
+    def counts(self, size: int, samples: int, scene: str) -> Path | None:
         """The reference image, if there is one."""
-        if self.workload is None:
+        if self.workload is None or scene != "workload":
             return None
         path = self.workload / f"{self.name}_{size}x{samples}.counts"
         return path if path.exists() else None

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import os
 import platform
+import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import programs
 from .inputs import Input
 from .programs import Line, Program
-from .workload import load_counts
+from .workload import count_bytes, load_counts
 
 OURS = ("baseline", "standard", "qdbfs", "opaque_first", "auto")
-EMBREE = ("robust-1", "robust-4:isa=sse4.2", "fast-1", "fast-s16", "fast-x16", "fast-stream")
-EMBREE_BEST = ("fast-s16", "fast-x16", "fast-stream")  # whichever is fastest
+EMBREE_BEST = ("fast-s16", "fast-x16", "fast-p16", "fast-stream")  # whichever is fastest
+EMBREE = ("robust-1", "robust-4:isa=sse4.2", "fast-1", *EMBREE_BEST)
+ROBUST = "robust-1"  # nearly exact: who differs is compared with it
 EMBREE_ARRAYS = ("robust-1", "robust-4:isa=sse4.2", "fast-s16", "fast-stream")
 SCALED = ("baseline", "auto")
 
@@ -26,6 +31,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Settings:
+    scene: str
     size: int
     samples: int
     rounds: int
@@ -40,8 +46,8 @@ class Settings:
     def arguments(self, item: Input) -> list[str | Path]:
         return [
             item.path,
-            *("--size", str(self.size), "--samples", str(self.samples)),
-            *("--gbuf", item.gbuffer(self.size)),
+            *("--scene", self.scene, "--size", str(self.size), "--samples", str(self.samples)),
+            *("--gbuf", item.gbuffer(self.size, self.scene)),
         ]
 
 
@@ -55,18 +61,38 @@ def machine() -> dict[str, Any]:
 
 
 def passes(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
-    """All modes, alternating: {"ours": {mode: [line, ...]}, "embree": ..., "reference": hash}."""
+    """All modes, alternating.
+
+    {"ours": {mode: [line, ...]}, "embree": ..., "reference": hash or None, "differ": {"ours":
+    {mode: counts that are not the reference's}, "embree": ...}}. The reference is the stored
+    image, or where there is none, that of Embree's robust mode.
+    """
     lines: dict[str, dict[str, list[Line]]] = {"ours": {}, "embree": {}}
+    differ: dict[str, dict[str, int]] = {"ours": {}, "embree": {}}
     with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         runs: list[tuple[str, Program, str]] = []
-        arguments = settings.arguments(item)
+
+        def start(side: str, program: str) -> Program:
+            arguments = [*settings.arguments(item), "--counts", folder / side]
+            return stack.enter_context(Program(program, *arguments, cpus=settings.pinned))
+
+        def image(path: Path) -> NDArray[np.uint16]:
+            return load_counts(path, settings.size, settings.samples)
+
+        stored = item.counts(settings.size, settings.samples, settings.scene)
+        reference = image(stored) if stored else None
+        digest = fnv1a(count_bytes(reference, settings.samples)) if reference is not None else None
         # Embree first: where there is no G-buffer yet, its camera rays make the one that the
         # reference images were made with.
         if settings.embree:
-            embree = stack.enter_context(Program("embree", *arguments, cpus=settings.pinned))
+            embree = start("embree", "embree")
             embree.time("none")
+            if reference is None:
+                digest = embree.time(ROBUST)["hash"]
+                reference = image(folder / "embree")
             runs += [("embree", embree, mode) for mode in settings.embree]
-        vocc = stack.enter_context(Program("vocc", *arguments, cpus=settings.pinned))
+        vocc = start("ours", "vocc")
         runs = [("ours", vocc, mode) for mode in ("none", *settings.modes)] + runs
         for number in range(settings.rounds):
             for side, program, mode in runs:
@@ -76,16 +102,11 @@ def passes(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
                     if number == 0:
                         say(f"{item.name}: {mode}: {line['error']}: left out")
                     continue
+                if number == 0 and mode != "none" and reference is not None:
+                    differ[side][mode] = int((image(folder / side) != reference).sum())
                 lines[side].setdefault(mode, []).append(line)
             say(f"{item.name}: round {number + 1} of {settings.rounds}")
-    return {**lines, "reference": _reference_hash(item, settings)}
-
-
-def _reference_hash(item: Input, settings: Settings) -> str | None:
-    path = item.counts(settings.size, settings.samples)
-    if path is None:
-        return None
-    return fnv1a(load_counts(path, settings.size, settings.size).tobytes())
+    return {**lines, "reference": digest, "differ": differ}
 
 
 def fnv1a(data: bytes) -> str:

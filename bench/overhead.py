@@ -14,7 +14,7 @@ import numpy as np
 from .inputs import Input
 from .measure import Say, Settings
 from .programs import BenchError, pinned, run
-from .workload import GROUND_TRIANGLES, GROUND_VERTICES, LIGHTS, load_gbuffer, load_mesh
+from .workload import GROUND_TRIANGLES, GROUND_VERTICES, load_gbuffer, load_scene
 
 
 def overhead(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
@@ -24,17 +24,19 @@ def overhead(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
         from pyvocc._vocc import ffi, lib
     except ImportError as error:
         raise BenchError(f"--python: {error}") from None
-    if not item.gbuffer(settings.size).exists():
+    path = item.gbuffer(settings.size, settings.scene)
+    if not path.exists():
         run("vocc", *settings.arguments(item), "none")
-    gbuffer = load_gbuffer(item.gbuffer(settings.size))
+    gbuffer = load_gbuffer(path)
     pixels = gbuffer.tile_order()
     points, normals = gbuffer.points[pixels], gbuffer.normals[pixels]
-    mesh = load_mesh(item.path)
+    placed = load_scene(item.path, settings.scene)
     scene = pyvocc.Scene(threads=1)
-    scene.add_mesh(mesh.vertices, mesh.triangles, name=item.name)
+    scene.add_mesh(placed.mesh.vertices, placed.mesh.triangles, name=item.name)
     scene.add_mesh(GROUND_VERTICES, GROUND_TRIANGLES, name="ground")
     scene.build()
-    lights = [pyvocc.RectLight(*corners) for corners in LIGHTS.astype(float).tolist()]
+    corners = placed.lights.astype(float).tolist()
+    lights = [pyvocc.RectLight(*light) for light in corners]
 
     options = ffi.new("vocc_query_options *")
     lib.vocc_query_options_init(options)
@@ -54,16 +56,16 @@ def overhead(item: Input, settings: Settings, say: Say) -> dict[str, Any]:
     fields = ("position", "edge_u", "edge_v")
     c_lights = ffi.new(
         "vocc_light[]",
-        [dict(zip(fields, light, strict=True)) for light in LIGHTS.astype(float).tolist()],
+        [dict(zip(fields, light, strict=True)) for light in corners],
     )
 
     def in_c() -> np.ndarray[Any, np.dtype[np.uint16]]:
-        visible = np.empty((len(LIGHTS), len(pixels)), np.uint16)
+        visible = np.empty((len(lights), len(pixels)), np.uint16)
         status = lib.vocc_light_visibility(
             scene._scene,
             len(pixels),
             *rows,
-            len(LIGHTS),
+            len(lights),
             c_lights,
             sampling,
             ffi.cast("uint16_t *", visible.ctypes.data),

@@ -29,7 +29,10 @@ def build() -> bool:
     """Compiles the programs; says whether run_embree is one of them."""
     try:
         made = subprocess.run(
-            ["make", "-s", "-f", "bench/build.mk"], cwd=ROOT, capture_output=True, text=True
+            ["make", "-s", f"-j{len(processors()) or 1}", "-f", "bench/build.mk"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
         )
     except FileNotFoundError:
         raise BenchError("make is not installed") from None

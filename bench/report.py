@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 from .inputs import STAND_INS
 from .measure import EMBREE_BEST
+from .workload import SCENES
 
 Results: TypeAlias = dict[str, Any]
 
@@ -127,6 +128,34 @@ def summary_table(results: Results) -> str:
     return table(head, rows)
 
 
+def versus_table(results: Results) -> str:
+    """Our modes beside Embree's fastest, of the same rounds."""
+    rows = []
+    for name, mesh in results["meshes"].items():
+        top, differ = best(mesh["embree"]), mesh["differ"]
+        for mode, lines in mesh["ours"].items():
+            if mode == "none":
+                continue
+            line = lines[0]
+            rows.append(
+                [
+                    name,
+                    mode,
+                    f"{line['rays'] / 1e6:.2f}",
+                    f"{100 * (1 - line['visible'] / line['rays']):.1f} %",
+                    _number(speed(lines)),
+                    top[0] if top else "-",
+                    _number(top[1] if top else None),
+                    _share(speed(lines), top[1] if top else None),
+                    _number(seconds(lines), 3),
+                    str(differ["ours"].get(mode, "-")),
+                    str(differ["embree"].get(top[0], "-")) if top else "-",
+                ]
+            )
+    head = ["mesh", "mode", "Mrays", "blocked", "Mray/s", "Embree's best", "Mray/s", "ratio"]
+    return table([*head, "CPU s", "counts differ", "of Embree's best"], rows, 2)
+
+
 def counter_table(results: Results) -> str:
     """Per packet: the paper's own measures."""
     rows = []
@@ -169,8 +198,6 @@ def hash_table(results: Results) -> str:
             line["hash"] for lines in mesh["ours"].values() for line in lines if "hash" in line
         }
         reference = mesh["reference"]
-        if reference is None and mesh["embree"].get("robust-1"):
-            reference = mesh["embree"]["robust-1"][0]["hash"]
         same = "-" if reference is None else ("yes" if hashes == {reference} else "no: verify")
         alike = "yes" if len(hashes) == 1 else "NO"
         rows.append([name, alike, ", ".join(sorted(hashes)), reference or "-", same])
@@ -272,6 +299,8 @@ def python_table(results: Results) -> str:
 def target_rows(results: Results) -> list[tuple[str, str, str, bool]]:
     """What is aimed at, the aim, the figure reached, and whether that is enough."""
     rows: list[tuple[str, str, str, bool]] = []
+    if results["settings"]["scene"] != "workload":
+        return rows
 
     def at_least(what: str, aim: float, value: float | None) -> None:
         if value is not None:
@@ -323,21 +352,41 @@ def target_table(results: Results) -> str:
     return table(["aim", "", "reached", "met"], rows)
 
 
-def markdown(results: Results) -> str:
-    """Everything that was measured."""
+def introduction(results: Results) -> str:
+    """What was measured, and how."""
     settings, machine = results["settings"], results["machine"]
     stand_ins = [f"{name} ({STAND_INS[name]})" for name in results["meshes"] if name in STAND_INS]
     pinned = f"processor {settings['cpus'][0]}" if settings["cpus"] else "not pinned"
+    scene, size = settings["scene"], settings["size"]
     intro = (
-        f"{machine['processor']}, {pinned}; {settings['size']} x {settings['size']} pixels, "
-        f"{settings['samples']} samples a light, 5 lights; one thread, its CPU time, medians of "
+        f"{machine['processor']}, {pinned}; scene {scene}, {size} x {size} pixels, "
+        f"{settings['samples']} samples a light, {len(SCENES[scene].lights)} lights; one thread, "
+        "its CPU time, medians of "
         f"{settings['rounds']} alternating rounds; widest spread {100 * spread(results):.0f} %."
     )
     if stand_ins:
         intro += f" Not the paper's models: {', '.join(stand_ins)}."
     if not settings["embree"]:
         intro += " Embree was not measured: its column is empty."
+    return intro
+
+
+REFERENCE = (
+    "Counts that differ are told from the stored image or else from Embree's robust mode, which is "
+    "not exact either: `python -m bench verify` says who is right."
+)
+
+
+def versus(results: Results) -> str:
+    """Only the comparison with Embree's best."""
+    return f"{introduction(results)}\n{REFERENCE}\n\n{versus_table(results)}\n"
+
+
+def markdown(results: Results) -> str:
+    """Everything that was measured."""
     parts = [("Summary (baseline in Mray/s, then ratios)", summary_table), ("Speed", speed_table)]
+    if results["settings"]["embree"]:
+        parts.append(("Embree's best", versus_table))
     parts += [("Counters, per packet", counter_table), ("Images", hash_table)]
     parts += [("Trees", tree_table)]
     for key, title, make in (
@@ -348,5 +397,7 @@ def markdown(results: Results) -> str:
     ):
         if any(key in mesh for mesh in results["meshes"].values()):
             parts.append((title, make))
-    parts.append(("Aims", target_table))
-    return "\n\n".join([intro, *(f"## {title}\n\n{make(results)}" for title, make in parts)]) + "\n"
+    if target_rows(results):
+        parts.append(("Aims", target_table))
+    texts = [f"## {title}\n\n{make(results)}" for title, make in parts]
+    return "\n\n".join([introduction(results), *texts]) + "\n"

@@ -6,6 +6,7 @@
  *           4       rtcOccluded4, 4 samples of one pixel and light
  *           s16     rtcOccluded16, one sample of 16 pixels (4 x 4 neighbours)
  *           x16     rtcOccluded16, all samples of 2 x 2 pixels, packed
+ *           p16     rtcOccluded16, 4 x 4 neighbouring strata of one pixel
  *           stream  rtcOccluded1M, all samples of 8 x 8 pixels
  *   isa=..., quality=high|medium, coherent=0|1
  * Packets of s16 and x16 are full: pixels that a light is not traced at are
@@ -35,14 +36,15 @@ typedef struct em_self {
     em_scene scenes[MAX_SCENES];
 } em_self;
 
-typedef enum em_kind { EM_1, EM_4, EM_S16, EM_X16, EM_STREAM } em_kind;
+typedef enum em_kind { EM_1, EM_4, EM_S16, EM_X16, EM_P16, EM_STREAM } em_kind;
 
 typedef struct em_mode {
     RTCScene scene;
     em_kind kind;
     struct RTCIntersectContext context;
-    struct RTCRay *stream;  /* STREAM_PIXELS^2 * samples */
-    uint8_t **stream_count; /* of each ray: the counter it adds to */
+    struct RTCRay *stream;          /* STREAM_PIXELS^2 * samples */
+    uint16_t **stream_count;        /* of each ray: the counter it adds to */
+    uint16_t order[WL_MAX_SAMPLES]; /* the samples by blocks of 4 x 4 strata */
 } em_mode;
 
 /* ---- scenes ------------------------------------------------------------- */
@@ -164,10 +166,21 @@ static void em_describe(void *user, FILE *json)
 
 /* ---- modes -------------------------------------------------------------- */
 
+static void order_samples(const wl_sampler *sampler, uint16_t *order)
+{
+    size_t n = 0;
+    for (uint32_t j = 0; j < sampler->nv; j += 4)
+        for (uint32_t i = 0; i < sampler->nu; i += 4)
+            for (uint32_t y = j; y < j + 4 && y < sampler->nv; y++)
+                for (uint32_t x = i; x < i + 4 && x < sampler->nu; x++)
+                    order[n++] = (uint16_t)(y * sampler->nu + x);
+}
+
 static void *em_prepare(void *user, const dr_job *job, const char *text,
                         const char **reason)
 {
-    static const char *const kinds[] = {"1", "4", "s16", "x16", "stream"};
+    static const char *const kinds[] = {"1",   "4",   "s16",
+                                        "x16", "p16", "stream"};
     char key[32], value[32], isa[32] = "";
     int robust = strncmp(text, "robust-", 7) == 0, medium = 0, coherent = 0;
     if (!robust && strncmp(text, "fast-", 5) != 0) {
@@ -177,7 +190,7 @@ static void *em_prepare(void *user, const dr_job *job, const char *text,
     text += robust ? 7 : 5;
     size_t length = strcspn(text, ":");
     int kind = -1;
-    for (int i = 0; i < 5; i++)
+    for (int i = 0; i < 6; i++)
         if (length == strlen(kinds[i]) && memcmp(text, kinds[i], length) == 0)
             kind = i;
     if (kind < 0) {
@@ -203,6 +216,7 @@ static void *em_prepare(void *user, const dr_job *job, const char *text,
     mode->kind = (em_kind)kind;
     mode->stream = wl_alloc(rays, sizeof *mode->stream);
     mode->stream_count = wl_alloc(rays, sizeof *mode->stream_count);
+    order_samples(&job->sampler, mode->order);
     rtcInitIntersectContext(&mode->context);
     mode->context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT
                                    : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
@@ -260,7 +274,7 @@ static void em_closest(void *user, size_t count, const float (*org)[3],
 
 /* ---- passes ------------------------------------------------------------- */
 
-static uint8_t *counter(dr_job *job, int k, uint32_t p)
+static uint16_t *counter(dr_job *job, int k, uint32_t p)
 {
     size_t area = (size_t)job->gbuffer.width * job->gbuffer.height;
     return &job->image[(size_t)k * area + p];
@@ -273,8 +287,8 @@ static void pass_1(em_mode *mode, dr_job *job)
     for (size_t n = 0; n < job->pixel_count; n++) {
         uint32_t p = job->pixels[n];
         const float *on = job->gbuffer.on[p];
-        for (int k = 0; k < WL_LIGHTS; k++) {
-            if (!wl_facing(on, k))
+        for (int k = 0; k < job->scene.light_count; k++) {
+            if (!wl_facing(&job->scene.lights[k], on))
                 continue;
             wl_directions(&job->sampler, k, p, on, dx, dy, dz);
             uint32_t visible = 0;
@@ -284,7 +298,7 @@ static void pass_1(em_mode *mode, dr_job *job)
                 rtcOccluded1(mode->scene, &mode->context, &ray);
                 visible += ray.tfar >= 0;
             }
-            *counter(job, k, p) = (uint8_t)visible;
+            *counter(job, k, p) = (uint16_t)visible;
         }
     }
 }
@@ -297,8 +311,8 @@ static void pass_4(em_mode *mode, dr_job *job)
     for (size_t n = 0; n < job->pixel_count; n++) {
         uint32_t p = job->pixels[n];
         const float *on = job->gbuffer.on[p];
-        for (int k = 0; k < WL_LIGHTS; k++) {
-            if (!wl_facing(on, k))
+        for (int k = 0; k < job->scene.light_count; k++) {
+            if (!wl_facing(&job->scene.lights[k], on))
                 continue;
             wl_directions(&job->sampler, k, p, on, d[0], d[1], d[2]);
             uint32_t visible = 0;
@@ -324,7 +338,7 @@ static void pass_4(em_mode *mode, dr_job *job)
                 for (uint32_t i = 0; i < 4; i++)
                     visible += (uint32_t)(valid[i] & (ray.tfar[i] >= 0));
             }
-            *counter(job, k, p) = (uint8_t)visible;
+            *counter(job, k, p) = (uint16_t)visible;
         }
     }
 }
@@ -366,7 +380,8 @@ static size_t facing_pixels(dr_job *job, const uint32_t corner[2],
                 if (x >= g->width || y >= g->height)
                     continue;
                 uint32_t p = y * g->width + x;
-                if (g->prim[p] < 0 || !wl_facing(g->on[p], k))
+                if (g->prim[p] < 0 ||
+                    !wl_facing(&job->scene.lights[k], g->on[p]))
                     continue;
                 *counter(job, k, p) = 0;
                 pixels[count++] = p;
@@ -378,12 +393,12 @@ static void pass_s16(em_mode *mode, dr_job *job)
 {
     uint32_t pixels[WL_TILE * WL_TILE];
     for (size_t tile = 0; tile < job->tile_count; tile++)
-        for (int k = 0; k < WL_LIGHTS; k++) {
+        for (int k = 0; k < job->scene.light_count; k++) {
             size_t count = facing_pixels(job, job->tiles[tile], 4, k, pixels);
             for (size_t n = 0; n < count; n += 16) {
                 size_t lanes = count - n < 16 ? count - n : 16;
                 float org[3][16];
-                uint8_t visible[16] = {0};
+                uint16_t visible[16] = {0};
                 for (size_t i = 0; i < lanes; i++)
                     for (int c = 0; c < 3; c++)
                         org[c][i] = job->gbuffer.on[pixels[n + i]][c];
@@ -397,7 +412,7 @@ static void pass_s16(em_mode *mode, dr_job *job)
                                             ray.dir_x, ray.dir_y, ray.dir_z);
                     uint32_t mask = trace_16(mode, &ray, lanes);
                     for (size_t i = 0; i < 16; i++)
-                        visible[i] = (uint8_t)(visible[i] + (mask >> i & 1));
+                        visible[i] = (uint16_t)(visible[i] + (mask >> i & 1));
                 }
                 for (size_t i = 0; i < lanes; i++)
                     *counter(job, k, pixels[n + i]) = visible[i];
@@ -413,7 +428,7 @@ static void pass_x16(em_mode *mode, dr_job *job)
     uint32_t pixels[WL_TILE * WL_TILE], samples = job->sampler.samples;
     float d[GROUP][3][WL_MAX_SAMPLES];
     for (size_t tile = 0; tile < job->tile_count; tile++)
-        for (int k = 0; k < WL_LIGHTS; k++) {
+        for (int k = 0; k < job->scene.light_count; k++) {
             size_t count = facing_pixels(job, job->tiles[tile], 2, k, pixels);
             for (size_t n = 0; n < count; n += GROUP) {
                 size_t group = count - n < GROUP ? count - n : GROUP;
@@ -447,9 +462,41 @@ static void pass_x16(em_mode *mode, dr_job *job)
                         visible[owner[l]] += mask >> l & 1;
                 }
                 for (i = 0; i < group; i++)
-                    *counter(job, k, pixels[n + i]) = (uint8_t)visible[i];
+                    *counter(job, k, pixels[n + i]) = (uint16_t)visible[i];
             }
         }
+}
+
+/* Many samples: a pixel and a light fill packets alone. */
+static void pass_p16(em_mode *mode, dr_job *job)
+{
+    uint32_t samples = job->sampler.samples;
+    float d[3][WL_MAX_SAMPLES];
+    for (size_t n = 0; n < job->pixel_count; n++) {
+        uint32_t p = job->pixels[n];
+        const float *on = job->gbuffer.on[p];
+        for (int k = 0; k < job->scene.light_count; k++) {
+            if (!wl_facing(&job->scene.lights[k], on))
+                continue;
+            wl_directions(&job->sampler, k, p, on, d[0], d[1], d[2]);
+            int visible = 0;
+            for (uint32_t s = 0; s < samples; s += 16) {
+                struct RTCRay16 ray;
+                uint32_t lanes = samples - s < 16 ? samples - s : 16;
+                for (uint32_t i = 0; i < 16; i++) {
+                    uint32_t sample = mode->order[i < lanes ? s + i : s];
+                    ray.org_x[i] = on[0];
+                    ray.org_y[i] = on[1];
+                    ray.org_z[i] = on[2];
+                    ray.dir_x[i] = d[0][sample];
+                    ray.dir_y[i] = d[1][sample];
+                    ray.dir_z[i] = d[2][sample];
+                }
+                visible += __builtin_popcount(trace_16(mode, &ray, lanes));
+            }
+            *counter(job, k, p) = (uint16_t)visible;
+        }
+    }
 }
 
 static void pass_stream(em_mode *mode, dr_job *job)
@@ -458,7 +505,7 @@ static void pass_stream(em_mode *mode, dr_job *job)
     const size_t group = (size_t)STREAM_PIXELS * STREAM_PIXELS;
     float dx[WL_MAX_SAMPLES], dy[WL_MAX_SAMPLES], dz[WL_MAX_SAMPLES];
     for (size_t tile = 0; tile < job->tile_count; tile++)
-        for (int k = 0; k < WL_LIGHTS; k++) {
+        for (int k = 0; k < job->scene.light_count; k++) {
             size_t count =
                 facing_pixels(job, job->tiles[tile], STREAM_PIXELS, k, pixels);
             for (size_t n = 0; n < count; n += group) {
@@ -491,7 +538,7 @@ static unsigned begin_flushing(void)
 static void em_pass(void *prepared, dr_job *job)
 {
     static void (*const passes[])(em_mode *, dr_job *) = {
-        pass_1, pass_4, pass_s16, pass_x16, pass_stream};
+        pass_1, pass_4, pass_s16, pass_x16, pass_p16, pass_stream};
     em_mode *mode = prepared;
     unsigned before = begin_flushing();
     passes[mode->kind](mode, job);
@@ -577,7 +624,7 @@ static void array_stream(em_mode *mode, const dr_rays *rays, uint8_t *blocked)
 static void em_trace(void *prepared, const dr_rays *rays, uint8_t *blocked)
 {
     static void (*const arrays[])(em_mode *, const dr_rays *, uint8_t *) = {
-        array_1, array_4, array_16, array_16, array_stream};
+        array_1, array_4, array_16, array_16, array_16, array_stream};
     em_mode *mode = prepared;
     unsigned before = begin_flushing();
     arrays[mode->kind](mode, rays, blocked);
@@ -588,7 +635,7 @@ int main(int argc, char **argv)
 {
     static const dr_backend backend = {
         "embree",
-        "modes: robust-KIND or fast-KIND, KIND one of 1, 4, s16, x16, stream,\n"
+        "modes: robust-KIND or fast-KIND, KIND 1, 4, s16, x16, p16 or stream,\n"
         "  with :isa=sse4.2|avx|avx2|avx512,quality=high|medium,coherent=0|1;\n"
         "  none: all but the tracing\n",
         "robust-1",

@@ -21,8 +21,8 @@ typedef struct vb_self {
 typedef struct vb_mode {
     vb_self *self;
     vocc_query_options options;
-    vocc_light lights[WL_LIGHTS];
-    uint16_t *visible; /* [5][points] */
+    vocc_light lights[WL_MAX_LIGHTS];
+    uint16_t *visible; /* [lights][points] */
 } vb_mode;
 
 enum { ORDERS = 8 };
@@ -268,13 +268,14 @@ static void *vb_prepare(void *user, const dr_job *job, const char *text,
         return NULL;
     }
     memset(mode->lights, 0, sizeof mode->lights); /* RECT, two-sided */
-    for (int k = 0; k < WL_LIGHTS; k++)
+    for (int k = 0; k < job->scene.light_count; k++)
         for (int i = 0; i < 3; i++) {
-            mode->lights[k].position[i] = (double)wl_lights[k].corner[i];
-            mode->lights[k].edge_u[i] = (double)wl_lights[k].edge_u[i];
-            mode->lights[k].edge_v[i] = (double)wl_lights[k].edge_v[i];
+            const wl_light *light = &job->scene.lights[k];
+            mode->lights[k].position[i] = (double)light->corner[i];
+            mode->lights[k].edge_u[i] = (double)light->edge_u[i];
+            mode->lights[k].edge_v[i] = (double)light->edge_v[i];
         }
-    size_t count = job->pixel_count * WL_LIGHTS;
+    size_t count = job->pixel_count * (size_t)job->scene.light_count;
     mode->visible = wl_alloc(count, sizeof *mode->visible);
     /* So that the pages are there before the clock starts. */
     memset(mode->visible, 0xff, count * sizeof *mode->visible);
@@ -310,6 +311,7 @@ static void vb_pass(void *prepared, dr_job *job)
 {
     vb_mode *mode = prepared;
     size_t count = job->pixel_count;
+    size_t lights = (size_t)job->scene.light_count;
     vocc_sampling sampling;
     vocc_error error;
     vocc_sampling_init(&sampling);
@@ -320,16 +322,16 @@ static void vb_pass(void *prepared, dr_job *job)
               mode->self->scene, count,
               rows(job->points, sizeof *job->points, VOCC_FLOAT32),
               rows(job->normals, sizeof *job->normals, VOCC_FLOAT32),
-              rows(job->pixels, sizeof *job->pixels, VOCC_UINT32), WL_LIGHTS,
+              rows(job->pixels, sizeof *job->pixels, VOCC_UINT32), lights,
               mode->lights, &sampling, mode->visible, NULL, NULL,
               &mode->options, &error),
           &error);
     size_t area = (size_t)job->gbuffer.width * job->gbuffer.height;
-    for (size_t k = 0; k < WL_LIGHTS; k++)
+    for (size_t k = 0; k < lights; k++)
         for (size_t n = 0; n < count; n++) {
             uint16_t visible = mode->visible[k * count + n];
             job->image[k * area + job->pixels[n]] =
-                visible == VOCC_NOT_TRACED ? WL_NOT_TRACED : (uint8_t)visible;
+                visible == VOCC_NOT_TRACED ? WL_NOT_TRACED : visible;
         }
 }
 

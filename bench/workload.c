@@ -6,13 +6,47 @@
 #include <stdlib.h>
 #include <string.h>
 
-const wl_light wl_lights[WL_LIGHTS] = {
+/* One above and one at each corner. */
+static const wl_light panels[] = {
     {{-0.5f, 3, -0.5f}, {1, 0, 0}, {0, 0, 1}},
     {{1.75f, 1.25f, 2.25f}, {0.5f, 0, -0.5f}, {0, 0.5f, 0}},
     {{-2.25f, 1.75f, 1.75f}, {0.5f, 0, 0.5f}, {0, 0.5f, 0}},
     {{-1.75f, 2.25f, -2.25f}, {-0.5f, 0, 0.5f}, {0, 0.5f, 0}},
     {{2.25f, 1.5f, -1.75f}, {-0.5f, 0, -0.5f}, {0, 0.5f, 0}},
 };
+
+/* Half a degree wide, 12, 15 and 18 degrees high; and the panel above. */
+static const wl_light suns[] = {
+    {{20.96875f, 4.640625f, -6.109375f},
+     {0.0625f, 0, 0.21875f},
+     {0, 0.21875f, 0}},
+    {{6.90625f, 5.90625f, -21.03125f}, {0.1875f, 0, 0.0625f}, {0, 0.1875f, 0}},
+    {{-16.078125f, 7.390625f, -15.921875f},
+     {0.15625f, 0, -0.15625f},
+     {0, 0.21875f, 0}},
+    {{-0.5f, 3, -0.5f}, {1, 0, 0}, {0, 0, 1}},
+};
+
+/* The street is in city.ply, 1065 m to the unit, the eye 1.7 m above it. */
+static const wl_scene scenes[] = {
+    {"workload", 1, {0, 1.75, 2.25}, {0, 0.375, 0}, 0.28, 5, panels},
+    {"crowd", 5, {0.5, 0.375, 2.5}, {0, 0.125, 0}, 0.4, 5, panels},
+    {"street",
+     1,
+     {-1171.0 / 4096, 21.0 / 8192, 38.0 / 4096},
+     {-606.0 / 4096, 30.0 / 8192, 865.0 / 4096},
+     0.35,
+     4,
+     suns},
+};
+
+wl_scene wl_scene_named(const char *name)
+{
+    for (size_t i = 0; i < sizeof scenes / sizeof scenes[0]; i++)
+        if (strcmp(scenes[i].name, name) == 0)
+            return scenes[i];
+    wl_die("--scene: workload, crowd or street, not '%s'", name);
+}
 
 void wl_die(const char *format, ...)
 {
@@ -204,10 +238,12 @@ static void ply_faces(FILE *file, const char *path, const ply_element *element,
     }
 }
 
-static void normalise(wl_mesh *mesh, const char *path)
+void wl_mesh_bounds(const wl_mesh *mesh, double lower[3], double upper[3])
 {
-    double lower[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL};
-    double upper[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
+    for (int i = 0; i < 3; i++) {
+        lower[i] = HUGE_VAL;
+        upper[i] = -HUGE_VAL;
+    }
     for (size_t f = 0; f < mesh->face_count; f++)
         for (int j = 0; j < 3; j++)
             for (int i = 0; i < 3; i++) {
@@ -215,6 +251,12 @@ static void normalise(wl_mesh *mesh, const char *path)
                 lower[i] = x < lower[i] ? x : lower[i];
                 upper[i] = x > upper[i] ? x : upper[i];
             }
+}
+
+static void normalise(wl_mesh *mesh, const char *path)
+{
+    double lower[3], upper[3];
+    wl_mesh_bounds(mesh, lower, upper);
     double extent = 0;
     for (int i = 0; i < 3; i++)
         extent = upper[i] - lower[i] > extent ? upper[i] - lower[i] : extent;
@@ -229,6 +271,45 @@ static void normalise(wl_mesh *mesh, const char *path)
                 (float)(((double)mesh->vertices[v][i] - centre[i]) * scale);
 }
 
+/* Translated copies in rows, along x first, apart by 1/4 of the mesh's extent;
+ * equal positions stay equal, so closed meshes stay closed. */
+static void place_copies(wl_mesh *mesh, wl_scene *scene)
+{
+    double lower[3], upper[3];
+    size_t n = (size_t)scene->copies, nv = mesh->vertex_count;
+    size_t nf = mesh->face_count;
+    if (n == 1)
+        return;
+    if (n * n > (UINT32_MAX - 4) / nv)
+        wl_die("%zu copies of %zu vertices are too many", n * n, nv);
+    wl_mesh_bounds(mesh, lower, upper);
+    double step_x = 1.25 * (upper[0] - lower[0]);
+    double step_z = 1.25 * (upper[2] - lower[2]);
+    wl_mesh all = {n * n * nv, n * n * nf,
+                   wl_alloc(n * n * nv + 4, sizeof *all.vertices),
+                   wl_alloc(n * n * nf + 2, sizeof *all.faces)};
+    for (size_t copy = 0; copy < n * n; copy++) {
+        float dx = (float)(((double)(copy % n) - (double)(n / 2)) * step_x);
+        float dz = (float)(((double)(copy / n) - (double)(n / 2)) * step_z);
+        for (size_t v = 0; v < nv; v++) {
+            float *to = all.vertices[copy * nv + v];
+            to[0] = mesh->vertices[v][0] + dx;
+            to[1] = mesh->vertices[v][1];
+            to[2] = mesh->vertices[v][2] + dz;
+        }
+        for (size_t f = 0; f < nf; f++)
+            for (int j = 0; j < 3; j++)
+                all.faces[copy * nf + f][j] =
+                    mesh->faces[f][j] + (uint32_t)(copy * nv);
+    }
+    wl_mesh_free(mesh);
+    *mesh = all;
+    scene->eye[0] = (double)(float)(scene->eye[0] * step_x);
+    scene->eye[2] = (double)(float)(scene->eye[2] * step_z);
+    scene->target[0] *= step_x;
+    scene->target[2] *= step_z;
+}
+
 static void add_ground(wl_mesh *mesh)
 {
     static const float corners[4][3] = {
@@ -239,7 +320,7 @@ static void add_ground(wl_mesh *mesh)
     memcpy(mesh->faces[mesh->face_count], faces, sizeof faces);
 }
 
-wl_mesh wl_mesh_load(const char *path)
+wl_mesh wl_mesh_load(const char *path, wl_scene *scene)
 {
     wl_mesh mesh = {0, 0, NULL, NULL};
     ply_element elements[4];
@@ -259,6 +340,7 @@ wl_mesh wl_mesh_load(const char *path)
     if (mesh.faces == NULL || mesh.face_count == 0)
         wl_die("%s: no triangles", path);
     normalise(&mesh, path);
+    place_copies(&mesh, scene);
     add_ground(&mesh);
     return mesh;
 }
@@ -284,19 +366,18 @@ static void cross(const double a[3], const double b[3], double out[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static const double eye[3] = {0, 1.75, 2.25}, target[3] = {0, 0.375, 0};
-static const double tan_half_fov = 0.28;
-
 typedef struct camera {
-    double forward[3], right[3], up[3];
+    double eye[3], forward[3], right[3], up[3], tan_half_fov;
 } camera;
 
-static camera camera_make(void)
+static camera camera_make(const wl_scene *scene)
 {
     camera c;
     double to[3], length;
+    memcpy(c.eye, scene->eye, sizeof c.eye);
+    c.tan_half_fov = scene->tan_half_fov;
     for (int i = 0; i < 3; i++)
-        to[i] = target[i] - eye[i];
+        to[i] = scene->target[i] - scene->eye[i];
     length = sqrt(dot(to, to));
     for (int i = 0; i < 3; i++)
         c.forward[i] = to[i] / length;
@@ -313,14 +394,14 @@ static void camera_direction(const camera *c, uint32_t x, uint32_t y,
                              uint32_t width, uint32_t height, float d[3])
 {
     double w = width, h = height;
-    double sx = ((x + 0.5) / w * 2 - 1) * tan_half_fov * (w / h);
-    double sy = (1 - (y + 0.5) / h * 2) * tan_half_fov;
+    double sx = ((x + 0.5) / w * 2 - 1) * c->tan_half_fov * (w / h);
+    double sy = (1 - (y + 0.5) / h * 2) * c->tan_half_fov;
     for (int i = 0; i < 3; i++)
         d[i] = (float)(c->forward[i] + sx * c->right[i] + sy * c->up[i]);
 }
 
-static void shade(const wl_mesh *mesh, int32_t face, const float d[3],
-                  float on[6])
+static void shade(const wl_mesh *mesh, const double eye[3], int32_t face,
+                  const float d[3], float on[6])
 {
     const uint32_t *corners = mesh->faces[face];
     double a[3], ab[3], ac[3], ae[3], n[3], dd[3];
@@ -343,7 +424,8 @@ static void shade(const wl_mesh *mesh, int32_t face, const float d[3],
     }
 }
 
-wl_gbuffer wl_gbuffer_make(const wl_mesh *mesh, uint32_t width, uint32_t height,
+wl_gbuffer wl_gbuffer_make(const wl_mesh *mesh, const wl_scene *scene,
+                           uint32_t width, uint32_t height,
                            wl_closest_fn closest, void *user)
 {
     size_t pixels = (size_t)width * height;
@@ -351,12 +433,12 @@ wl_gbuffer wl_gbuffer_make(const wl_mesh *mesh, uint32_t width, uint32_t height,
                     wl_alloc(pixels, sizeof *g.prim)};
     float (*org)[3] = wl_alloc(width, sizeof *org);
     float (*dir)[3] = wl_alloc(width, sizeof *dir);
-    camera c = camera_make();
+    camera c = camera_make(scene);
     for (uint32_t y = 0; y < height; y++) {
         size_t row = (size_t)y * width;
         for (uint32_t x = 0; x < width; x++) {
             for (int i = 0; i < 3; i++)
-                org[x][i] = (float)eye[i];
+                org[x][i] = (float)c.eye[i];
             camera_direction(&c, x, y, width, height, dir[x]);
         }
         closest(user, width, (const float (*)[3])org, (const float (*)[3])dir,
@@ -365,7 +447,7 @@ wl_gbuffer wl_gbuffer_make(const wl_mesh *mesh, uint32_t width, uint32_t height,
             if (g.prim[row + x] < 0)
                 memset(g.on[row + x], 0, sizeof g.on[0]);
             else
-                shade(mesh, g.prim[row + x], dir[x], g.on[row + x]);
+                shade(mesh, c.eye, g.prim[row + x], dir[x], g.on[row + x]);
         }
     }
     free(org);
@@ -419,13 +501,15 @@ void wl_gbuffer_free(wl_gbuffer *g)
 
 /* ---- samples ------------------------------------------------------------ */
 
-void wl_sampler_init(wl_sampler *sampler, uint32_t samples)
+void wl_sampler_init(wl_sampler *sampler, uint32_t samples,
+                     const wl_light *lights)
 {
     if (samples < 1 || samples > WL_MAX_SAMPLES)
         wl_die("samples: 1 to %d, not %u", (int)WL_MAX_SAMPLES, samples);
     uint32_t nv = (uint32_t)sqrt((double)samples);
     while (samples % nv != 0)
         nv--;
+    sampler->lights = lights;
     sampler->samples = samples;
     sampler->nv = nv;
     sampler->nu = samples / nv;
@@ -437,9 +521,8 @@ void wl_sampler_init(wl_sampler *sampler, uint32_t samples)
     }
 }
 
-int wl_facing(const float on[6], int k)
+int wl_facing(const wl_light *light, const float on[6])
 {
-    const wl_light *light = &wl_lights[k];
     double sum = 0;
     for (int i = 0; i < 3; i++) {
         double centre = (double)light->corner[i] +
@@ -470,7 +553,7 @@ void wl_directions(const wl_sampler *sampler, int k, uint32_t p,
                    const float org[3], float *restrict dx, float *restrict dy,
                    float *restrict dz)
 {
-    const wl_light *l = &wl_lights[k];
+    const wl_light *l = &sampler->lights[k];
     uint32_t key = p * 2048u + (uint32_t)k * 256u;
     float inv_nu = sampler->inv_nu, inv_nv = sampler->inv_nv;
     for (uint32_t s = 0; s < sampler->samples; s++) {
@@ -489,7 +572,7 @@ void wl_directions_of_sample(const wl_sampler *sampler, int k, uint32_t s,
                              const float *restrict oz, float *restrict dx,
                              float *restrict dy, float *restrict dz)
 {
-    const wl_light *l = &wl_lights[k];
+    const wl_light *l = &sampler->lights[k];
     float i = sampler->i[s], j = sampler->j[s];
     float inv_nu = sampler->inv_nu, inv_nv = sampler->inv_nv;
     for (size_t n = 0; n < lanes; n++) {
@@ -517,6 +600,11 @@ size_t wl_tiles(uint32_t width, uint32_t height, size_t limit,
         (*corners)[i][1] = (uint32_t)(tile / across) * WL_TILE;
     }
     return count;
+}
+
+uint32_t wl_hash32(uint32_t x)
+{
+    return hash32(x);
 }
 
 uint64_t wl_hash(const uint8_t *bytes, size_t count)

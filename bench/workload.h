@@ -1,5 +1,5 @@
 /* The soft-shadow workload: mesh, camera, shading points, lights and samples,
- * the same rays on every machine.
+ * the same rays on every machine.  docs/benchmark.md defines them.
  *
  * All float32 arithmetic here is one rounding an operation, in the order
  * written; compile with -ffp-contract=off.  Programs that trace the workload
@@ -12,10 +12,10 @@
 #include <stdint.h>
 
 enum {
-    WL_LIGHTS = 5,
-    WL_MAX_SAMPLES = 256, /* the hash key gives a light 256 samples */
+    WL_MAX_LIGHTS = 8,    /* what the hash key has room for, */
+    WL_MAX_SAMPLES = 256, /* each with so many samples */
     WL_TILE = 32,
-    WL_NOT_TRACED = 255
+    WL_NOT_TRACED = 0xffff
 };
 
 /* A triangle mesh of unit extent that stands on y = 0.  The ground's 4 vertices
@@ -38,10 +38,21 @@ typedef struct wl_light {
     float corner[3], edge_u[3], edge_v[3];
 } wl_light;
 
-extern const wl_light wl_lights[WL_LIGHTS];
+/* What is around a mesh. */
+typedef struct wl_scene {
+    const char *name;
+    int copies; /* of the mesh, along x and along z */
+    /* Float32 numbers; with copies, x and z are in steps from one to the next
+     * until the mesh is loaded. */
+    double eye[3];
+    double target[3], tan_half_fov;
+    int light_count;
+    const wl_light *lights;
+} wl_scene;
 
 /* Strata of one light's samples. */
 typedef struct wl_sampler {
+    const wl_light *lights;
     uint32_t samples, nu, nv;
     float inv_nu, inv_nv;
     float i[WL_MAX_SAMPLES], j[WL_MAX_SAMPLES]; /* of each sample */
@@ -60,22 +71,30 @@ void wl_die(const char *format, ...);
 /* malloc of count * size bytes that never fails. */
 void *wl_alloc(size_t count, size_t size);
 
-/* Reads a binary little-endian PLY and normalises it. */
-wl_mesh wl_mesh_load(const char *path);
+/* The scene of that name: workload, crowd or street. */
+wl_scene wl_scene_named(const char *name);
+
+/* Reads a binary little-endian PLY, normalises it and places its copies. */
+wl_mesh wl_mesh_load(const char *path, wl_scene *scene);
+/* The bounds of the mesh, without the ground. */
+void wl_mesh_bounds(const wl_mesh *mesh, double lower[3], double upper[3]);
 void wl_mesh_free(wl_mesh *mesh);
 
 /* Fills an image by shooting one camera ray a pixel. */
-wl_gbuffer wl_gbuffer_make(const wl_mesh *mesh, uint32_t width, uint32_t height,
+wl_gbuffer wl_gbuffer_make(const wl_mesh *mesh, const wl_scene *scene,
+                           uint32_t width, uint32_t height,
                            wl_closest_fn closest, void *user);
 /* Returns 0 if there is no such file. */
 int wl_gbuffer_load(wl_gbuffer *gbuffer, const char *path);
 void wl_gbuffer_save(const wl_gbuffer *gbuffer, const char *path);
 void wl_gbuffer_free(wl_gbuffer *gbuffer);
 
-void wl_sampler_init(wl_sampler *sampler, uint32_t samples);
+/* Keeps a pointer to the lights. */
+void wl_sampler_init(wl_sampler *sampler, uint32_t samples,
+                     const wl_light *lights);
 
-/* Whether light k is traced at a pixel with this origin and normal. */
-int wl_facing(const float on[6], int k);
+/* Whether a light is traced at a pixel with this origin and normal. */
+int wl_facing(const wl_light *light, const float on[6]);
 
 /* Directions of all samples of light k from pixel p. */
 void wl_directions(const wl_sampler *sampler, int k, uint32_t p,
@@ -91,6 +110,9 @@ void wl_directions_of_sample(const wl_sampler *sampler, int k, uint32_t s,
  * of them, or `limit` of them evenly spread when limit > 0. */
 size_t wl_tiles(uint32_t width, uint32_t height, size_t limit,
                 uint32_t (**corners)[2]);
+
+/* A well mixed permutation of the 32-bit numbers. */
+uint32_t wl_hash32(uint32_t x);
 
 /* FNV-1a, 64 bits. */
 uint64_t wl_hash(const uint8_t *bytes, size_t count);

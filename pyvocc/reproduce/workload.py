@@ -91,25 +91,27 @@ def shading_points(scene: Scene, size: int) -> Points:
     return Points(size, pixels[hit], position, normal, geom_id, prim_id)
 
 
-def directions(light: int, pixel: ArrayLike, org: Floats, samples: int) -> Floats:
+def directions(
+    light: int, pixel: ArrayLike, org: Floats, samples: int, lights: Floats = LIGHTS
+) -> Floats:
     """From points to the samples of one light: (..., samples, 3) for pixels of shape (...)."""
     nv = next(n for n in range(int(samples**0.5), 0, -1) if samples % n == 0)
     nu = samples // nv
     s = np.arange(samples, dtype=np.uint32)
     key = np.asarray(pixel, np.uint64)[..., None] * np.uint64(2048) + np.uint64(light * 256) + s
-    h = _hash32((key & np.uint64(0xFFFFFFFF)).astype(np.uint32))
+    h = hash32((key & np.uint64(0xFFFFFFFF)).astype(np.uint32))
     step = np.float32(1 / 65536)
     j1 = (h & np.uint32(0xFFFF)).astype(np.float32) * step
     j2 = (h >> np.uint32(16)).astype(np.float32) * step
     one = np.float32(1)
     a = ((s % nu).astype(np.float32) + j1) * (one / np.float32(nu))
     b = ((s // nu).astype(np.float32) + j2) * (one / np.float32(nv))
-    corner, u, v = LIGHTS[light]
+    corner, u, v = lights[light]
     target = (corner + a[..., None] * u) + b[..., None] * v
     return np.asarray(target - org.astype(np.float32)[..., None, :], np.float32)
 
 
-def _hash32(x: NDArray[np.uint32]) -> NDArray[np.uint32]:
+def hash32(x: NDArray[np.uint32]) -> NDArray[np.uint32]:
     x = x ^ (x >> np.uint32(16))
     x = x * np.uint32(0x7FEB352D)
     x = x ^ (x >> np.uint32(15))

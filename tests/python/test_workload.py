@@ -37,7 +37,7 @@ def built(mesh: workload.Mesh) -> pyvocc.Scene:
     return scene
 
 
-def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer, **options: Any) -> NDArray[np.uint8]:
+def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer, **options: Any) -> NDArray[np.uint16]:
     """(lights, height, width) counts, in the reference's form."""
     pixels = gbuffer.tile_order()
     visible = scene.light_visibility(
@@ -50,7 +50,7 @@ def image(scene: pyvocc.Scene, gbuffer: workload.GBuffer, **options: Any) -> NDA
         horizon="centre",
         **options,
     )
-    counts = np.full((len(workload.LIGHTS), SIZE * SIZE), workload.NOT_TRACED, np.uint8)
+    counts = np.full((len(workload.LIGHTS), SIZE * SIZE), workload.NOT_TRACED, np.uint16)
     counts[:, pixels] = np.where(visible == pyvocc.NOT_TRACED, workload.NOT_TRACED, visible)
     return counts.reshape(-1, SIZE, SIZE)
 
@@ -71,7 +71,7 @@ def test_counts_equal_the_reference_or_are_right(name: str) -> None:
         gbuffer.points,
         SAMPLES,
         image(scene, gbuffer),
-        workload.load_counts(counts, SIZE, SIZE),
+        workload.load_counts(counts, SIZE, SAMPLES),
         trace,
     )
     assert verdict.mistraced == 0
@@ -120,7 +120,7 @@ def test_a_wrong_count_of_ours_is_noticed() -> None:
     mesh = workload.load_mesh(SHARED / "meshes" / "cowboy.ply")
     gbuffer = workload.load_gbuffer(SHARED / "workload" / f"cowboy_{SIZE}.gbuf")
     path = SHARED / "workload" / f"cowboy_{SIZE}x{SAMPLES}.counts"
-    reference = workload.load_counts(path, SIZE, SIZE)
+    reference = workload.load_counts(path, SIZE, SAMPLES)
     ours = reference.copy()
     light, y, x = np.argwhere((reference > 0) & (reference < SAMPLES))[0]
     ours[light, y, x] -= 1

@@ -13,12 +13,12 @@ PYTHON ?= $(or $(shell for p in python3 python3.14 python3.13 python3.12 python3
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-blender test-blender-gui test-blender-all addon bench reproduce lib test-c lint format \
-	env clean FORCE
+.PHONY: help demo test test-aarch64 test-blender test-blender-gui test-blender-all addon bench reproduce lib test-c \
+	lint format env clean FORCE
 
 help:
 	@echo 'make demo       render the soft shadows of three scenes into out/, with and without occluders'
-	@echo 'make test       all tests: C (release, scalar, sanitize, thread), lint, Blender, Python'
+	@echo 'make test       all tests: C (release, scalar, sanitize, thread, aarch64), lint, Blender, Python'
 	@echo 'make addon      the extension for Blender, dist/*.zip'
 	@echo 'make test-blender      its tests in Blender 4.5 and 5.2 (ARGS= for pytest; 1 GB each)'
 	@echo 'make test-blender-gui  in a window, under Xvfb'
@@ -27,6 +27,7 @@ help:
 	@echo 'make reproduce  repeat the measurements of the paper into docs/results (ARGS=--quick, ...)'
 	@echo 'make lib        build/$$(config)/libvocc.a'
 	@echo 'make test-c     build and run the C tests (ONLY=name for some of them)'
+	@echo 'make test-aarch64      build the C tests for aarch64, run some of them in qemu (ONLY=)'
 	@echo 'make lint       check the format of C and Python, and the types'
 	@echo 'make format     format C and Python'
 	@echo 'make env        .venv with the package and all that the other targets need'
@@ -83,6 +84,29 @@ $(BUILD)/flags: FORCE
 	@echo '$(COMPILE)' | cmp -s - $@ || echo '$(COMPILE)' > $@
 
 -include $(wildcard $(BUILD)/csrc/*.d $(BUILD)/tests/c/*.d)
+
+# ---- C for aarch64 -----------------------------------------------------------
+
+# For the NEON kernels: a cross compiler, and qemu, which takes some ten times as long; so fewer rays,
+# and not the tests that are about other things than lanes.
+AARCH64_CC ?= aarch64-linux-gnu-gcc
+AARCH64_RUN ?= qemu-aarch64
+AARCH64_TESTS := api isa wide oracle.occluded_exact oracle.grids oracle.magnitudes \
+	oracle.closest_hits_identical identical.all_modes identical.without_occluders \
+	identical.at_occluders identical.layouts identical.far_away light.all_options light_types.all_ways
+
+test-aarch64:
+	@skip() { echo "C tests for aarch64: skipped: $$1" \
+		"(Debian: apt install gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user)"; exit 0; }; \
+	for program in $(firstword $(AARCH64_CC)) $(firstword $(AARCH64_RUN)); do \
+		command -v $$program >/dev/null || skip "there is no $$program"; \
+	done; \
+	echo '#include <stdio.h>' | $(AARCH64_CC) -E -x c - >/dev/null 2>&1 || \
+		skip "$(AARCH64_CC) has no C library"; \
+	$(MAKE) --no-print-directory config=release BUILD=build/aarch64 CC='$(AARCH64_CC)' LDFLAGS=-static \
+		build/aarch64/vocc_tests && \
+	VOCC_TEST_SCALE=$${VOCC_TEST_SCALE:-0.05} $(AARCH64_RUN) build/aarch64/vocc_tests \
+		$(foreach name,$(or $(ONLY),$(AARCH64_TESTS)),--only $(name))
 
 # ---- Python ------------------------------------------------------------------
 
@@ -141,7 +165,7 @@ test-blender-gui: .venv/ready
 
 # ---- checks ------------------------------------------------------------------
 
-C_FILES := $(wildcard csrc/*.c csrc/*.h csrc/*.inc tests/c/*.c tests/c/*.h bench/*.c bench/*.h)
+C_FILES := $(wildcard csrc/*.c csrc/*.h csrc/*.inc tests/c/*.c tests/c/*.h tests/c/*.inc bench/*.c bench/*.h)
 
 lint: .venv/ready
 	$(BIN)/clang-format --dry-run --Werror $(C_FILES)
@@ -161,6 +185,8 @@ test: .venv/installed
 		$(MAKE) --no-print-directory -s -j$(JOBS) config=$$config build/$$config/vocc_tests && \
 		$(MAKE) --no-print-directory -s config=$$config test-c || exit 1; \
 	done
+	@echo '== C tests: aarch64'
+	@$(MAKE) --no-print-directory -s -j$(JOBS) test-aarch64
 	@echo '== lint'
 	@$(MAKE) --no-print-directory -s lint
 	@$(MAKE) --no-print-directory -s test-blender ARGS=

@@ -3,8 +3,9 @@
  * Modes: NAME[:KEY=VALUE,...]
  *   NAME  baseline   standard order, no occluders
  *         standard, extended, bfs, qdbfs, auto   that order, with occluders
+ *         beams, rays   that method, else the defaults
  *   order=... (as NAME), occluders=, cache=, deferment=, packets=, threads=,
- *   isa=auto|scalar|sse2 */
+ *   isa=auto|scalar|sse2|avx2|avx512|neon, method=auto|rays|beams, verify= */
 #include "driver.h"
 #include "vocc.h"
 
@@ -166,11 +167,10 @@ static int order_of(const char *name, size_t length)
 
 static int isa_of(const char *name)
 {
-    static const char *const names[] = {"auto", "scalar", "sse2"};
-    for (int i = 0; i < 3; i++)
-        if (strcmp(names[i], name) == 0)
+    for (int i = VOCC_ISA_AUTO; i <= VOCC_ISA_NEON; i++)
+        if (strcmp(vocc_isa_name(i), name) == 0)
             return i;
-    wl_die("isa: auto, scalar or sse2, not '%s'", name);
+    wl_die("isa: auto, scalar, sse2, avx2, avx512 or neon, not '%s'", name);
 }
 
 static int setting(vocc_query_options *o, const char *key, const char *value)
@@ -180,6 +180,12 @@ static int setting(vocc_query_options *o, const char *key, const char *value)
     if (strcmp(key, "isa") == 0) {
         o->isa = isa_of(value);
         return 1;
+    }
+    if (strcmp(key, "method") == 0) {
+        o->method = strcmp(value, "rays") == 0    ? VOCC_METHOD_RAYS
+                    : strcmp(value, "beams") == 0 ? VOCC_METHOD_BEAMS
+                                                  : VOCC_METHOD_AUTO;
+        return o->method != VOCC_METHOD_AUTO || strcmp(value, "auto") == 0;
     }
     int32_t n = (int32_t)to_number(key, value);
     if (strcmp(key, "occluders") == 0)
@@ -200,6 +206,8 @@ static int setting(vocc_query_options *o, const char *key, const char *value)
         o->entry_triangles = n;
     else if (strcmp(key, "voxels") == 0)
         o->voxels = n;
+    else if (strcmp(key, "verify") == 0)
+        o->verify = n;
     else if (strcmp(key, "packets") == 0)
         o->packets = n;
     else if (strcmp(key, "threads") == 0)
@@ -251,6 +259,10 @@ static void *vb_prepare(void *user, const dr_job *job, const char *text,
         o->occluders = 0;
         o->cache = 0;
         o->entry_points = 0;
+    } else if (length == 5 && memcmp(text, "beams", 5) == 0) {
+        o->method = VOCC_METHOD_BEAMS;
+    } else if (length == 4 && memcmp(text, "rays", 4) == 0) {
+        o->method = VOCC_METHOD_RAYS;
     } else if ((o->order = order_of(text, length)) < 0) {
         *reason = "unknown mode";
         free(mode);

@@ -11,7 +11,7 @@ import functools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -251,7 +251,8 @@ class PointJob:
         """Adds the counters of a piece; the first is asked for all rays."""
         if piece == 0:
             self.rays += stats.rays
-        self.stats.add(asdict(stats))
+        self.stats.add(stats.counters)
+        self.stats.isa = stats.isa
 
 
 class MaskJob:

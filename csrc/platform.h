@@ -23,6 +23,23 @@
 #define VOCC_HAVE_SSE2 0
 #endif
 
+/* Code beyond the compiler's target, in functions of their own; isa.h says
+ * whether it may run. */
+#if VOCC_HAVE_SSE2 && (defined(__clang__) || __GNUC__ >= 9 || _MSC_VER >= 1920)
+#define VOCC_HAVE_AVX2 1
+#define VOCC_HAVE_AVX512 1
+#else
+#define VOCC_HAVE_AVX2 0
+#define VOCC_HAVE_AVX512 0
+#endif
+
+#if VOCC_SIMD && (defined(__aarch64__) || defined(_M_ARM64)) &&                \
+    !defined(__AARCH64EB__)
+#define VOCC_HAVE_NEON 1
+#else
+#define VOCC_HAVE_NEON 0
+#endif
+
 #if defined(__GNUC__)
 #define VOCC_INTERNAL __attribute__((visibility("hidden")))
 /* Sanitizers take minutes over kernels that are inlined by force. */

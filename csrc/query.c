@@ -1,5 +1,6 @@
 #include "query.h"
 #include "array.h"
+#include "isa.h"
 #include "memory.h"
 #include "shaft.h"
 #include "status.h"
@@ -60,13 +61,32 @@ static vocc_status check_options(const vocc_query_options *o, vocc_error *error)
     if (s == VOCC_OK)
         s = vocc_check_range(error, "voxels", o->voxels, 0, 1024);
     if (s == VOCC_OK)
+        s = vocc_check_range(error, "method", o->method, VOCC_METHOD_AUTO,
+                             VOCC_METHOD_BEAMS);
+    if (s == VOCC_OK)
+        s = vocc_check_range(error, "verify", o->verify, 0, INT32_MAX);
+    if (s == VOCC_OK)
         s = vocc_check_range(error, "packets", o->packets, 0, 1);
     if (s == VOCC_OK)
         s = vocc_check_range(error, "isa", o->isa, VOCC_ISA_AUTO,
-                             VOCC_ISA_SSE2);
+                             VOCC_ISA_NEON);
     if (s == VOCC_OK)
         s = vocc_check_range(error, "threads", o->threads, 0, VOCC_MAX_THREADS);
     return s;
+}
+
+vocc_status vocc_query_isa(const vocc_query_options *options, int32_t *isa,
+                           vocc_error *error)
+{
+    if (!isa)
+        return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "isa", -1,
+                         (double)NAN, "isa: NULL");
+    if (options) {
+        const vocc_status status = check_options(options, error);
+        if (status != VOCC_OK)
+            return status;
+    }
+    return vocc_isa_choose(options ? options->isa : VOCC_ISA_AUTO, isa, error);
 }
 
 static void free_workers(vocc_query *query)
@@ -101,12 +121,10 @@ vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
         if (!scene->built.auto_occluders)
             query->options.occluders = 0;
     }
+    status = vocc_isa_choose(query->options.isa, &query->options.isa, error);
+    if (status != VOCC_OK)
+        return status;
     query->kernels = vocc_find_kernels(&query->options);
-    if (!query->kernels)
-        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "isa", -1,
-                         (double)query->options.isa,
-                         "isa is %" PRId32 ": not in this build of the library",
-                         query->options.isa);
     if (query->options.threads == 0)
         query->options.threads = vocc_processor_count();
     if ((size_t)query->options.threads > jobs)

@@ -71,25 +71,37 @@ VOCC_INLINE uint32_t vocc_sample_seed(uint32_t point_id, uint32_t light)
     return vocc_hash32(point_id ^ vocc_hash32(light ^ 0x9E3779B9u));
 }
 
+VOCC_INLINE void vocc_sample_jitter(const vocc_pattern *pattern,
+                                    uint32_t point_id, uint32_t light,
+                                    const vocc_place *place, float *a, float *b)
+{
+    const uint32_t h =
+        vocc_hash32(point_id * 2048u + light * 256u + place->sample);
+    const float u = (float)(int32_t)(h & 0xFFFFu) * (1.0f / 65536.0f),
+                v = (float)(int32_t)(h >> 16) * (1.0f / 65536.0f);
+    *a = (place->column + u) * pattern->width;
+    *b = (place->row + v) * pattern->height;
+}
+
+VOCC_INLINE void vocc_sample_sobol(uint32_t seed, const vocc_place *place,
+                                   float *a, float *b)
+{
+    const uint32_t x = vocc_reverse_bits(vocc_scramble(place->x, seed)),
+                   y = vocc_reverse_bits(
+                       vocc_scramble(place->y, vocc_hash32(seed)));
+    *a = (float)(int32_t)(x >> 8) * 0x1p-24f;
+    *b = (float)(int32_t)(y >> 8) * 0x1p-24f;
+}
+
 /* Point (a, b) of the unit square, 0 <= a, b < 1 (JITTER: up to rounding). */
 VOCC_INLINE void vocc_sample(const vocc_pattern *pattern, uint32_t point_id,
                              uint32_t light, uint32_t seed,
                              const vocc_place *place, float *a, float *b)
 {
-    if (pattern->sampler == VOCC_SAMPLER_JITTER) {
-        const uint32_t h =
-            vocc_hash32(point_id * 2048u + light * 256u + place->sample);
-        const float u = (float)(int32_t)(h & 0xFFFFu) * (1.0f / 65536.0f),
-                    v = (float)(int32_t)(h >> 16) * (1.0f / 65536.0f);
-        *a = (place->column + u) * pattern->width;
-        *b = (place->row + v) * pattern->height;
-    } else {
-        const uint32_t x = vocc_reverse_bits(vocc_scramble(place->x, seed)),
-                       y = vocc_reverse_bits(
-                           vocc_scramble(place->y, vocc_hash32(seed)));
-        *a = (float)(int32_t)(x >> 8) * 0x1p-24f;
-        *b = (float)(int32_t)(y >> 8) * 0x1p-24f;
-    }
+    if (pattern->sampler == VOCC_SAMPLER_JITTER)
+        vocc_sample_jitter(pattern, point_id, light, place, a, b);
+    else
+        vocc_sample_sobol(seed, place, a, b);
 }
 
 #endif

@@ -38,6 +38,7 @@ static void built_free(const vocc_allocator *allocator, vocc_built *built)
 {
     size_t i;
     vocc_tree_free(allocator, &built->tree);
+    vocc_bvh_free(allocator, &built->bvh);
     vocc_release(allocator, built->mesh_first);
     for (i = 0; i < built->analysis_count; i++)
         vocc_analysis_free(allocator, &built->analyses[i]);
@@ -410,6 +411,8 @@ static void fill_report(const vocc_scene *scene, vocc_built *built,
                         (9 * sizeof *t->corners + 4 * sizeof *t->planes +
                          sizeof *t->ids + sizeof *built->solid_of_triangle) +
                     t->opaque_count * sizeof *t->opaque;
+    r->beam_bytes = built->bvh.node_count * sizeof *built->bvh.nodes +
+                    built->bvh.cluster_count * sizeof *built->bvh.clusters;
     choose_order(built);
 }
 
@@ -488,6 +491,10 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
     built->report.seconds_occluders = vocc_seconds() - start;
+    start = vocc_seconds();
+    if (!vocc_bvh_build(a, &built->tree, &solids, &built->bvh))
+        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+    built->report.seconds_beams = vocc_seconds() - start;
     built->report.threads = options->threads;
     fill_report(scene, built, &classification);
     if (vocc_tick(ticker, 1.0))

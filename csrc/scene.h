@@ -2,6 +2,7 @@
 #ifndef VOCC_SCENE_H
 #define VOCC_SCENE_H
 
+#include "bvh.h"
 #include "kdtree.h"
 #include "mesh.h"
 #include "platform.h"
@@ -13,6 +14,7 @@
 typedef struct vocc_built {
     double origin[3];
     vocc_tree tree;
+    vocc_bvh bvh;
     vocc_report report;
     int auto_occluders;      /* whether occluders pay in AUTO order */
     uint32_t *mesh_first;    /* first triangle of each mesh, and the total */

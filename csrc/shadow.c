@@ -1,13 +1,9 @@
 /* How many samples of each light each point sees; ambient occlusion is a light
  * that is a hemisphere. */
+#include "shadow.h"
 #include "array.h"
-#include "light.h"
 #include "memory.h"
-#include "query.h"
-#include "sampler.h"
-#include "shaft.h"
 #include "status.h"
-#include "tile.h"
 #include "vec3.h"
 #include "walk.h"
 
@@ -15,61 +11,13 @@
 #include <math.h>
 #include <string.h>
 
-typedef struct shadow {
-    vocc_query query;
-    vocc_points points;
-    const vocc_emitter *lights;
-    size_t light_count;
-    vocc_pattern pattern;
-    int32_t horizon;
-    uint16_t *visible;
-    float *irradiance;    /* NULL: not wanted */
-    uint8_t *blocked;     /* NULL, or a bit for each sample */
-    size_t blocked_bytes; /* for each point and light */
-} shadow;
-
-/* What a point's rays have come to. */
-typedef struct tally {
-    uint32_t blocked; /* samples */
-    uint32_t below;   /* those of them that are below the surface */
-    double open, all; /* weights, for irradiance */
-} tally;
-
-/* One light at the points of a tile, under way. */
-typedef struct lighting {
-    const shadow *s;
-    int worker_number;
-    const vocc_worker *worker;
-    const vocc_tile *t;
-    size_t number; /* of the light */
-    const vocc_emitter *light;
-    vocc_target target;
-    uint16_t lit[VOCC_TILE_POINTS];  /* the points that face the light */
-    uint16_t part[VOCC_TILE_POINTS]; /* those that may face a part of it only */
-    tally tallies[VOCC_TILE_POINTS];
-    uint16_t owner[VOCC_BLOCK]; /* the point of each ray of the block */
-    uint16_t sample[VOCC_BLOCK];
-    double weight[VOCC_BLOCK];
-    /* Triangles that the rays can meet; NULL: all below the entry node. */
-    const uint32_t *among;
-    int among_count;
-    uint64_t work; /* since the last poll, in rays */
-    vocc_jobs *jobs;
-    vocc_shaft shaft;
-    vocc_shaft_walk walk;
-} lighting;
-
 /* ---- rays -------------------------------------------------------------------
  */
 
 /* Some milliseconds. */
 enum { POLL_RAYS = 16 * VOCC_BLOCK };
 
-/* Samples that need no tracing take as long as a ray. */
-enum { SAMPLES_LIKE_A_RAY = 4 };
-
-/* Work as long as that of so many rays is done. */
-static vocc_status poll(lighting *g, uint64_t rays)
+vocc_status vocc_shadow_poll(vocc_lighting *g, uint64_t rays)
 {
     g->work += rays;
     if (g->work < POLL_RAYS)
@@ -79,27 +27,7 @@ static vocc_status poll(lighting *g, uint64_t rays)
                                                      : VOCC_OK;
 }
 
-/* The bits of a point's samples; NULL if there are none. */
-static uint8_t *bits_of(const lighting *g, size_t which)
-{
-    const shadow *s = g->s;
-    return s->blocked ? s->blocked + (g->number * s->points.count +
-                                      g->t->number[which]) *
-                                         s->blocked_bytes
-                      : NULL;
-}
-
-static int is_blocked(const uint8_t *bits, uint32_t sample)
-{
-    return bits && (bits[sample / 8] >> sample % 8 & 1);
-}
-
-static void set_blocked(uint8_t *bits, uint32_t sample)
-{
-    bits[sample / 8] = (uint8_t)(bits[sample / 8] | 1u << sample % 8);
-}
-
-static vocc_status trace_block(lighting *g)
+static vocc_status trace_block(vocc_lighting *g)
 {
     vocc_block *block = g->worker->block;
     const size_t rays = block->count;
@@ -118,14 +46,15 @@ static vocc_status trace_block(lighting *g)
     if (g->s->blocked)
         for (i = 0; i < rays; i++)
             if (block->occluded[i])
-                set_blocked(bits_of(g, g->owner[i]), g->sample[i]);
+                vocc_set_blocked(vocc_shadow_bits(g, g->owner[i]),
+                                 g->sample[i]);
     block->count = 0;
-    return poll(g, rays);
+    return vocc_shadow_poll(g, rays);
 }
 
 /* The region that every ray from the point ends in, or that the point is in:
  * an occluder of another region blocks the rays in either case. */
-static int32_t certain_region(const lighting *g, const float point[3])
+static int32_t certain_region(const vocc_lighting *g, const float point[3])
 {
     static const double exactly[3] = {0.0, 0.0, 0.0};
     const double p[3] = {(double)point[0], (double)point[1], (double)point[2]};
@@ -138,16 +67,16 @@ static int32_t certain_region(const lighting *g, const float point[3])
 }
 
 /* All samples at one point; only those above the surface, if part_only. */
-static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
+static vocc_status trace_point(vocc_lighting *g, uint16_t which, int part_only)
 {
-    const shadow *s = g->s;
+    const vocc_shadow *s = g->s;
     const float *const point = g->t->point[which];
     const uint32_t id = g->t->id[which], number = (uint32_t)g->number,
                    seed = vocc_sample_seed(id, number);
     const int32_t region = certain_region(g, point);
-    const uint8_t *const bits = bits_of(g, which);
+    const uint8_t *const bits = vocc_shadow_bits(g, which);
     vocc_block *block = g->worker->block;
-    tally *sum = &g->tallies[which];
+    vocc_tally *sum = &g->tallies[which];
     vocc_aim aim;
     uint32_t i, skipped = 0;
     int k;
@@ -168,7 +97,7 @@ static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
             g->weight[r] = vocc_aim_weight(&aim, dir);
             sum->all += g->weight[r];
         }
-        if (is_blocked(bits, place->sample)) {
+        if (vocc_is_blocked(bits, place->sample)) {
             sum->blocked++;
             skipped++;
             continue;
@@ -188,17 +117,17 @@ static vocc_status trace_point(lighting *g, uint16_t which, int part_only)
                 return status;
         }
     }
-    return poll(g, skipped / SAMPLES_LIKE_A_RAY);
+    return vocc_shadow_poll(g, skipped / VOCC_SAMPLES_LIKE_A_RAY);
 }
 
 /* The weights of a point whose samples need no tracing. */
-static void weigh_point(lighting *g, uint16_t which)
+static void weigh_point(vocc_lighting *g, uint16_t which)
 {
-    const shadow *s = g->s;
+    const vocc_shadow *s = g->s;
     const uint32_t id = g->t->id[which], number = (uint32_t)g->number,
                    seed = vocc_sample_seed(id, number);
-    const uint8_t *const bits = bits_of(g, which);
-    tally *sum = &g->tallies[which];
+    const uint8_t *const bits = vocc_shadow_bits(g, which);
+    vocc_tally *sum = &g->tallies[which];
     vocc_aim aim;
     uint32_t i;
     vocc_aim_init(&aim, g->light, g->t->point[which], g->t->normal[which]);
@@ -210,13 +139,13 @@ static void weigh_point(lighting *g, uint16_t which)
         (void)vocc_aim_ray(&aim, a, b, dir);
         weight = vocc_aim_weight(&aim, dir);
         sum->all += weight;
-        if (!is_blocked(bits, place->sample))
+        if (!vocc_is_blocked(bits, place->sample))
             sum->open += weight;
     }
 }
 
-static vocc_status trace_points(lighting *g, const uint16_t *which,
-                                size_t count, int part_only)
+vocc_status vocc_shadow_trace(vocc_lighting *g, const uint16_t *which,
+                              size_t count, int part_only)
 {
     uint32_t *const steps = g->s->query.options.point_steps;
     const uint64_t *const visits = &g->worker->tracer->counters.node_visits;
@@ -234,9 +163,10 @@ static vocc_status trace_points(lighting *g, const uint16_t *which,
     return status == VOCC_OK ? trace_block(g) : status;
 }
 
-static vocc_status trace_group(lighting *g, const uint16_t *which, size_t count)
+static vocc_status trace_group(vocc_lighting *g, const uint16_t *which,
+                               size_t count)
 {
-    return trace_points(g, which, count, 0);
+    return vocc_shadow_trace(g, which, count, 0);
 }
 
 /* ---- groups of points -------------------------------------------------------
@@ -254,8 +184,8 @@ enum { FREE_STEPS = 64, STEPS_A_RAY = 8, MOST_SAMPLES = 64 };
 /* Steps of a walk that take as long as a ray. */
 enum { STEPS_LIKE_A_RAY = 8 };
 
-static vocc_status walk_group(lighting *g, const uint16_t *which, size_t count,
-                              vocc_shaft_result *found)
+static vocc_status walk_group(vocc_lighting *g, const uint16_t *which,
+                              size_t count, vocc_shaft_result *found)
 {
     vocc_tracer *tracer = g->worker->tracer;
     const vocc_counters *const c = &tracer->counters;
@@ -274,14 +204,14 @@ static vocc_status walk_group(lighting *g, const uint16_t *which, size_t count,
         FREE_STEPS + STEPS_A_RAY * (int64_t)count * (int64_t)samples;
     *found = (vocc_shaft_result)g->s->query.kernels->walk_shaft(
         tracer, &g->shaft, &g->walk);
-    return poll(g, 1 + (c->entry_steps + c->entry_tests - before) /
-                           STEPS_LIKE_A_RAY);
+    return vocc_shadow_poll(g, 1 + (c->entry_steps + c->entry_tests - before) /
+                                       STEPS_LIKE_A_RAY);
 }
 
 /* All rays of the group are lit, or all dark, but for those that are blocked
  * already.  The others are added to *settled. */
-static vocc_status settle_group(lighting *g, const uint16_t *which,
-                                size_t count, int dark, uint64_t *settled)
+vocc_status vocc_shadow_settle(vocc_lighting *g, const uint16_t *which,
+                               size_t count, int dark, uint64_t *settled)
 {
     const uint32_t samples = g->s->pattern.samples;
     uint64_t rays = (uint64_t)count * samples;
@@ -289,19 +219,19 @@ static vocc_status settle_group(lighting *g, const uint16_t *which,
     size_t i;
     uint32_t k;
     for (i = 0; i < count && g->s->blocked && status == VOCC_OK; i++) {
-        uint8_t *const bits = bits_of(g, which[i]);
+        uint8_t *const bits = vocc_shadow_bits(g, which[i]);
         for (k = 0; k < samples; k++)
             if (!dark && !bits[k / 8]) {
                 k |= 7;
-            } else if (is_blocked(bits, k)) {
+            } else if (vocc_is_blocked(bits, k)) {
                 g->tallies[which[i]].blocked++;
                 rays--;
             } else if (dark) {
-                set_blocked(bits, k);
+                vocc_set_blocked(bits, k);
             }
         if (!dark && g->s->irradiance && g->tallies[which[i]].blocked)
             weigh_point(g, which[i]);
-        status = poll(g, samples / SAMPLES_LIKE_A_RAY);
+        status = vocc_shadow_poll(g, samples / VOCC_SAMPLES_LIKE_A_RAY);
     }
     g->worker->tracer->counters.rays += rays;
     if (dark) {
@@ -313,7 +243,8 @@ static vocc_status settle_group(lighting *g, const uint16_t *which,
     return status;
 }
 
-static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
+static vocc_status light_group(vocc_lighting *g, const uint16_t *which,
+                               size_t count)
 {
     vocc_tracer *tracer = g->worker->tracer;
     vocc_counters *counters = &tracer->counters;
@@ -323,10 +254,12 @@ static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
         return status;
     switch (found) {
     case VOCC_SHAFT_LIT:
-        status = settle_group(g, which, count, 0, &counters->entry_lit_rays);
+        status =
+            vocc_shadow_settle(g, which, count, 0, &counters->entry_lit_rays);
         break;
     case VOCC_SHAFT_DARK:
-        status = settle_group(g, which, count, 1, &counters->entry_dark_rays);
+        status =
+            vocc_shadow_settle(g, which, count, 1, &counters->entry_dark_rays);
         break;
     case VOCC_SHAFT_FEW:
         counters->entry_few_rays += (uint64_t)count * g->s->pattern.samples;
@@ -355,7 +288,7 @@ static vocc_status light_group(lighting *g, const uint16_t *which, size_t count)
 
 /* Groups of neighbours: as large as the last ones could be; and where searches
  * settle nothing, fewer and fewer of them. */
-static vocc_status light_neighbours(lighting *g, const uint16_t *which,
+static vocc_status light_neighbours(vocc_lighting *g, const uint16_t *which,
                                     size_t count)
 {
     const vocc_counters *const c = &g->worker->tracer->counters;
@@ -389,7 +322,7 @@ static vocc_status light_neighbours(lighting *g, const uint16_t *which,
 }
 
 /* Without groups, or what voxels leave. */
-static vocc_status light_points(lighting *g, const uint16_t *which,
+static vocc_status light_points(vocc_lighting *g, const uint16_t *which,
                                 size_t count)
 {
     return g->s->query.options.entry_points ? light_neighbours(g, which, count)
@@ -401,7 +334,7 @@ static vocc_status light_points(lighting *g, const uint16_t *which,
  * the light is seen from all of it, full if from nowhere in it; only in the
  * others rays are traced.  Here "all of it" are the points asked for, up to
  * VOCC_SHAFT_POINTS at a time. */
-static vocc_status light_voxels(lighting *g, const uint16_t *which,
+static vocc_status light_voxels(vocc_lighting *g, const uint16_t *which,
                                 size_t count)
 {
     vocc_counters *counters = &g->worker->tracer->counters;
@@ -417,12 +350,12 @@ static vocc_status light_voxels(lighting *g, const uint16_t *which,
             break;
         switch (found) {
         case VOCC_SHAFT_LIT:
-            status =
-                settle_group(g, which + i, n, 0, &counters->voxel_lit_rays);
+            status = vocc_shadow_settle(g, which + i, n, 0,
+                                        &counters->voxel_lit_rays);
             break;
         case VOCC_SHAFT_DARK:
-            status =
-                settle_group(g, which + i, n, 1, &counters->voxel_dark_rays);
+            status = vocc_shadow_settle(g, which + i, n, 1,
+                                        &counters->voxel_dark_rays);
             break;
         case VOCC_SHAFT_FEW:
         case VOCC_SHAFT_MANY:
@@ -433,10 +366,10 @@ static vocc_status light_voxels(lighting *g, const uint16_t *which,
     return status;
 }
 
-static void store_point(const lighting *g, size_t which)
+void vocc_shadow_store(const vocc_lighting *g, size_t which)
 {
-    const shadow *s = g->s;
-    const tally *sum = &g->tallies[which];
+    const vocc_shadow *s = g->s;
+    const vocc_tally *sum = &g->tallies[which];
     const size_t at = g->number * s->points.count + g->t->number[which];
     const uint32_t samples = s->pattern.samples;
     if (sum->below == samples)
@@ -457,25 +390,22 @@ static void store_point(const lighting *g, size_t which)
     }
 }
 
-/* One light at all points of a tile. */
-static vocc_status light_tile(lighting *g, size_t l)
+void vocc_shadow_begin_light(vocc_lighting *g, size_t l)
 {
-    const shadow *s = g->s;
+    const vocc_shadow *s = g->s;
     const vocc_tile *t = g->t;
     const size_t first = l * s->points.count;
-    vocc_status status;
-    size_t i, count = 0, part_count = 0;
+    size_t i;
     g->number = l;
     g->light = &s->lights[l];
+    g->lit_count = g->part_count = 0;
     if (g->light->type == VOCC_LIGHT_HEMISPHERE)
         g->target.region =
             vocc_finitef(g->light->distance) ? VOCC_END_UNKNOWN : 0;
     else
         vocc_emitter_target(g->light, g->worker->tracer->tree, t->reach,
                             &g->target);
-    memset(g->tallies, 0, sizeof g->tallies);
-    vocc_tracer_forget(g->worker->tracer);
-    g->walk.box_count = 0;
+    memset(g->tallies, 0, VOCC_TILE_POINTS * sizeof *g->tallies);
     for (i = 0; i < t->count + t->unused; i++) {
         if (s->visible)
             s->visible[first + t->number[i]] = VOCC_NOT_TRACED;
@@ -486,29 +416,43 @@ static vocc_status light_tile(lighting *g, size_t l)
         const vocc_facing facing = vocc_emitter_facing(
             g->light, t->point[i], t->normal[i], s->horizon);
         if (facing == VOCC_FACING_ALL)
-            g->lit[count++] = (uint16_t)i;
+            g->lit[g->lit_count++] = (uint16_t)i;
         else if (facing == VOCC_FACING_PART)
-            g->part[part_count++] = (uint16_t)i;
+            g->part[g->part_count++] = (uint16_t)i;
     }
-    status = poll(g, t->count / STEPS_LIKE_A_RAY);
+}
+
+/* One light at all points of a tile. */
+static vocc_status light_tile(vocc_lighting *g, size_t l)
+{
+    const vocc_shadow *s = g->s;
+    vocc_status status;
+    size_t i;
+    vocc_tracer_forget(g->worker->tracer);
+    g->walk.box_count = 0;
+    vocc_shadow_begin_light(g, l);
+    status = vocc_shadow_poll(g, g->t->count / STEPS_LIKE_A_RAY);
     if (status == VOCC_OK)
-        status = s->query.options.voxels ? light_voxels(g, g->lit, count)
-                                         : light_points(g, g->lit, count);
+        status = s->query.options.voxels
+                     ? light_voxels(g, g->lit, g->lit_count)
+                     : light_points(g, g->lit, g->lit_count);
     if (status == VOCC_OK)
-        status = trace_points(g, g->part, part_count, 1);
-    for (i = 0; i < count; i++)
-        store_point(g, g->lit[i]);
-    for (i = 0; i < part_count; i++)
-        store_point(g, g->part[i]);
+        status = vocc_shadow_trace(g, g->part, g->part_count, 1);
+    for (i = 0; i < g->lit_count; i++)
+        vocc_shadow_store(g, g->lit[i]);
+    for (i = 0; i < g->part_count; i++)
+        vocc_shadow_store(g, g->part[i]);
     return status;
 }
 
 static vocc_status shade_tile(void *context, size_t job, int worker,
                               vocc_jobs *jobs)
 {
-    const shadow *s = context;
+    const vocc_shadow *s = context;
     vocc_tile t;
-    lighting g;
+    vocc_lighting g;
+    uint16_t lit[VOCC_TILE_POINTS], part[VOCC_TILE_POINTS];
+    vocc_tally tallies[VOCC_TILE_POINTS];
     size_t l;
     vocc_status status = VOCC_OK;
     vocc_tile_load(&t, &s->points, job);
@@ -520,7 +464,12 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     g.among = NULL;
     g.work = 0;
     g.jobs = jobs;
+    g.lit = lit;
+    g.part = part;
+    g.tallies = tallies;
     g.walk.most = s->query.options.entry_triangles;
+    if (s->rooms)
+        return vocc_shadow_beams(&g);
     for (l = 0; l < s->light_count && status == VOCC_OK; l++)
         status = light_tile(&g, l);
     return status;
@@ -571,8 +520,59 @@ static vocc_status check_points(const vocc_points *p, vocc_error *error)
     return status;
 }
 
+/* What beams cost does not pay where there are fewer rays for each triangle. */
+enum { RAYS_A_TRIANGLE = 12 };
+
+/* The method that the options, which are checked, mean. */
+static int32_t method_of(const vocc_shadow *s, const vocc_query_options *asked,
+                         uint32_t samples)
+{
+    const double rays =
+        (double)s->points.count * (double)s->light_count * (double)samples;
+    if (!asked || asked->method == VOCC_METHOD_AUTO)
+        return (!asked ||
+                (asked->order == VOCC_ORDER_AUTO && asked->entry_points < 0 &&
+                 !asked->voxels && asked->packets && !asked->point_steps)) &&
+                       rays >= (double)RAYS_A_TRIANGLE *
+                                   (double)s->query.scene->triangle_count
+                   ? VOCC_METHOD_BEAMS
+                   : VOCC_METHOD_RAYS;
+    return asked->method;
+}
+
+/* What beams cannot do. */
+static vocc_status check_beams(const vocc_shadow *s, int may_beam,
+                               vocc_error *error)
+{
+    const vocc_query_options *o = &s->query.options;
+    if (!may_beam)
+        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "method", -1,
+                         (double)o->method,
+                         "method: ambient occlusion has no beams yet");
+    if (o->point_steps)
+        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "point_steps", -1,
+                         (double)NAN,
+                         "point_steps: beams have no steps of single points");
+    if (o->verify && s->blocked)
+        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "verify", -1,
+                         (double)o->verify,
+                         "verify is %" PRId32 ": not with blocked", o->verify);
+    return VOCC_OK;
+}
+
+static vocc_status tell_mismatch(const vocc_shadow *s, vocc_error *error)
+{
+    const vocc_beam_mismatch *m = vocc_beam_rooms_mismatch(s);
+    return vocc_fail(error, VOCC_ERROR_MISMATCH, "points", (int64_t)m->point,
+                     (double)m->blocked,
+                     "points[%zu], lights[%zu]: beams block %" PRIu32
+                     " samples, rays %" PRIu32
+                     ": a fault of the library or of the machine",
+                     m->point, m->light, m->blocked, m->expected);
+}
+
 /* Runs the query; s has points, lights and outputs, which are checked. */
-static vocc_status run_shadow(shadow *s, const vocc_scene *scene,
+static vocc_status run_shadow(vocc_shadow *s, const vocc_scene *scene,
                               const vocc_sampling *sampling,
                               const vocc_query_options *options, int may_group,
                               vocc_error *error)
@@ -584,12 +584,27 @@ static vocc_status run_shadow(shadow *s, const vocc_scene *scene,
         vocc_query_begin(&s->query, scene, options, jobs, error);
     if (status != VOCC_OK)
         return status;
+    s->rooms = NULL;
+    s->query.options.method =
+        method_of(s, options, (uint32_t)sampling->samples);
+    if (!may_group && !(options && options->method == VOCC_METHOD_BEAMS))
+        s->query.options.method = VOCC_METHOD_RAYS;
+    if (s->query.options.method == VOCC_METHOD_BEAMS) {
+        status = check_beams(s, may_group, error);
+        if (status != VOCC_OK) {
+            (void)vocc_query_end(&s->query, status, NULL);
+            return status;
+        }
+        s->query.options.voxels = 0;
+        if (!vocc_beam_rooms_create(s))
+            status = VOCC_ERROR_OUT_OF_MEMORY;
+    }
     if (!may_group)
         s->query.options.entry_points = s->query.options.voxels = 0;
     s->horizon = sampling->horizon;
     s->blocked_bytes = ((size_t)sampling->samples + 7) / 8;
     memcpy(s->points.origin, scene->built.origin, sizeof s->points.origin);
-    s->points.neighbours = s->query.options.entry_points;
+    s->points.neighbours = s->query.options.entry_points || s->rooms;
     if (!vocc_pattern_init(&s->pattern, &scene->allocator, sampling->sampler,
                            (uint32_t)sampling->samples))
         status = VOCC_ERROR_OUT_OF_MEMORY;
@@ -605,10 +620,15 @@ static vocc_status run_shadow(shadow *s, const vocc_scene *scene,
     }
     vocc_pattern_free(&s->pattern, &scene->allocator);
     vocc_release(&scene->allocator, s->points.by_voxel);
+    if (status == VOCC_ERROR_MISMATCH) {
+        (void)tell_mismatch(s, error);
+        error = NULL;
+    }
+    vocc_beam_rooms_free(s);
     return vocc_query_end(&s->query, status, error);
 }
 
-static void set_points(shadow *s, size_t count, vocc_array points,
+static void set_points(vocc_shadow *s, size_t count, vocc_array points,
                        vocc_array normals, vocc_array point_ids)
 {
     memset(&s->points, 0, sizeof s->points);
@@ -618,7 +638,7 @@ static void set_points(shadow *s, size_t count, vocc_array points,
     s->points.id = point_ids;
 }
 
-static vocc_status check_outputs(const shadow *s, const vocc_light *lights,
+static vocc_status check_outputs(const vocc_shadow *s, const vocc_light *lights,
                                  vocc_error *error)
 {
     if (!lights && s->light_count)
@@ -644,7 +664,7 @@ vocc_light_visibility(const vocc_scene *scene, size_t count, vocc_array points,
                       float *irradiance, uint8_t *blocked,
                       const vocc_query_options *options, vocc_error *error)
 {
-    shadow s;
+    vocc_shadow s;
     vocc_sampling defaults;
     vocc_emitter *emitters;
     vocc_status status;
@@ -686,7 +706,7 @@ vocc_status vocc_ambient_occlusion(const vocc_scene *scene, size_t count,
                                    const vocc_query_options *options,
                                    vocc_error *error)
 {
-    shadow s;
+    vocc_shadow s;
     vocc_sampling defaults;
     vocc_emitter hemisphere;
     vocc_status status;

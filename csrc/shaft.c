@@ -10,9 +10,11 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-/* Points and their bounds: the slice at t = 0. */
+/* Points and their bounds: the slice at t = 0.  Returns their largest
+ * |coordinate|. */
 static double set_points(vocc_shaft *s, const float (*point)[3],
-                         const uint16_t *which, size_t count)
+                         const uint16_t *which, size_t count, double lower[3],
+                         double upper[3])
 {
     double size = 0.0;
     size_t i;
@@ -28,43 +30,59 @@ static double set_points(vocc_shaft *s, const float (*point)[3],
         }
         for (; i < count + VOCC_MAX_LANES; i++)
             s->point[k][i] = s->point[k][count - 1];
-        s->lower[k] = (double)low;
-        s->upper[k] = (double)high;
-        s->size[k] = larger(vocc_abs(s->lower[k]), vocc_abs(s->upper[k]));
-        size = larger(size, s->size[k]);
+        lower[k] = (double)low;
+        upper[k] = (double)high;
+        size = larger(size, larger(vocc_abs(lower[k]), vocc_abs(upper[k])));
     }
     return size;
+}
+
+void vocc_shaft_slices(vocc_shaft *s, const double lower[3],
+                       const double upper[3], double length,
+                       const vocc_target *target)
+{
+    int k;
+    s->region = target->region;
+    for (k = 0; k < 3; k++) {
+        const double end_lower = length * target->lower[k],
+                     end_upper = length * target->upper[k],
+                     size = larger(vocc_abs(lower[k]), vocc_abs(upper[k])),
+                     end = larger(vocc_abs(end_lower), vocc_abs(end_upper));
+        s->lower[k] = lower[k];
+        s->upper[k] = upper[k];
+        s->lower_step[k] =
+            target->is_direction ? end_lower : end_lower - lower[k];
+        s->upper_step[k] =
+            target->is_direction ? end_upper : end_upper - upper[k];
+        s->lower_inverse[k] = 1.0 / s->lower_step[k];
+        s->upper_inverse[k] = 1.0 / s->upper_step[k];
+        s->size[k] = target->is_direction ? size + end : larger(size, end);
+    }
 }
 
 int vocc_shaft_init(vocc_shaft *s, const vocc_tree *tree,
                     const float (*point)[3], const uint16_t *which,
                     size_t count, const vocc_target *target)
 {
+    double lower[3], upper[3];
     const double scale = (double)tree->scale,
-                 point_size = set_points(s, point, which, count);
+                 point_size = set_points(s, point, which, count, lower, upper);
     /* From a point no triangle is farther than sqrt(3) (point_size + scale). */
     const double length =
         target->is_direction ? 4.0 * (point_size + scale) : 1.0;
     double end_size = 0.0;
     int i, k;
-    s->region = target->region;
     s->corners = target->corners;
     s->is_direction = target->is_direction;
+    vocc_shaft_slices(s, lower, upper, length, target);
     for (k = 0; k < 3; k++) {
-        const double lower = length * target->lower[k],
-                     upper = length * target->upper[k],
-                     end = larger(vocc_abs(lower), vocc_abs(upper));
+        const double end = larger(vocc_abs(length * target->lower[k]),
+                                  vocc_abs(length * target->upper[k]));
         for (i = 0; i < VOCC_TARGET_CORNERS + VOCC_MAX_LANES; i++)
             s->corner[k][i] =
                 (float)(length *
                         (double)target
                             ->corner[i < s->corners ? i : s->corners - 1][k]);
-        s->lower_step[k] = target->is_direction ? lower : lower - s->lower[k];
-        s->upper_step[k] = target->is_direction ? upper : upper - s->upper[k];
-        s->lower_inverse[k] = 1.0 / s->lower_step[k];
-        s->upper_inverse[k] = 1.0 / s->upper_step[k];
-        s->size[k] =
-            target->is_direction ? s->size[k] + end : larger(s->size[k], end);
         end_size = larger(end_size, end);
     }
     if (!(larger(larger(point_size, end_size), scale) <= MAX_SIZE))

@@ -7,6 +7,8 @@
 #define VOCC_LANES 4
 #if VOCC_HAVE_SSE2
 #include "simd_sse2.h"
+#elif VOCC_HAVE_NEON
+#include "simd_neon.h"
 #else
 #include "simd_plain.h"
 #endif

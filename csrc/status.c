@@ -23,11 +23,13 @@ const char *vocc_status_string(int32_t status)
     case VOCC_ERROR_LIMIT:
         return "a limit of the format is exceeded";
     case VOCC_ERROR_UNSUPPORTED:
-        return "not supported by this build of the library";
+        return "not supported by this library or machine";
     case VOCC_ERROR_OPEN_MESH:
         return "a mesh is not closed";
     case VOCC_ERROR_THREAD:
         return "the system gave no thread or lock";
+    case VOCC_ERROR_MISMATCH:
+        return "a check of the answer found a difference";
     default:
         return "unknown status";
     }

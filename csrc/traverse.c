@@ -15,13 +15,16 @@ const vocc_kernels *vocc_find_kernels(const vocc_query_options *options)
         four = &vocc_kernels_plain4;
         break;
 #if VOCC_HAVE_SSE2
-    case VOCC_ISA_AUTO:
+    /* Four lanes gain nothing from more. */
     case VOCC_ISA_SSE2:
+    case VOCC_ISA_AVX2:
+    case VOCC_ISA_AVX512:
         four = &vocc_kernels_sse2;
         break;
-#else
-    case VOCC_ISA_AUTO:
-        four = &vocc_kernels_plain4;
+#endif
+#if VOCC_HAVE_NEON
+    case VOCC_ISA_NEON:
+        four = &vocc_kernels_neon;
         break;
 #endif
     default:

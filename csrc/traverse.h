@@ -96,8 +96,8 @@ typedef struct vocc_kernels {
     size_t queue_entry_bytes;
 } vocc_kernels;
 
-/* The kernels for options->packets and options->isa; NULL if this build does
- * not have them. */
+/* The kernels for options->packets and options->isa, which is not AUTO; NULL if
+ * this build does not have them. */
 VOCC_INTERNAL const vocc_kernels *
 vocc_find_kernels(const vocc_query_options *options);
 
@@ -105,6 +105,9 @@ extern VOCC_INTERNAL const vocc_kernels vocc_kernels_single;
 extern VOCC_INTERNAL const vocc_kernels vocc_kernels_plain4;
 #if VOCC_HAVE_SSE2
 extern VOCC_INTERNAL const vocc_kernels vocc_kernels_sse2;
+#endif
+#if VOCC_HAVE_NEON
+extern VOCC_INTERNAL const vocc_kernels vocc_kernels_neon;
 #endif
 
 /* A tracer for checked options.  Returns NULL if there is no memory. */

@@ -79,9 +79,11 @@ typedef enum vocc_status {
     VOCC_ERROR_NOT_BUILT = 4,   /* a query before vocc_scene_build */
     VOCC_ERROR_FROZEN = 5,      /* add_mesh or build after a build */
     VOCC_ERROR_LIMIT = 6,       /* more than the format can hold */
-    VOCC_ERROR_UNSUPPORTED = 7, /* not in this build of the library */
+    VOCC_ERROR_UNSUPPORTED = 7, /* not in this library or on this machine */
     VOCC_ERROR_OPEN_MESH = 8,   /* `strict`, and a mesh is not closed */
-    VOCC_ERROR_THREAD = 9       /* the system gave no thread or lock */
+    VOCC_ERROR_THREAD = 9,      /* the system gave no thread or lock */
+    VOCC_ERROR_MISMATCH = 10    /* `verify` found a difference: a fault of this
+                                   library, or of the machine */
 } vocc_status;
 
 /* What went wrong.  `argument` is the parameter's name as in this header, or
@@ -233,8 +235,10 @@ typedef struct vocc_report {
     double occluder_area;          /* surface of all opaque leaves */
     double mesh_area;    /* surface of the meshes that hold occluders */
     uint64_t tree_bytes; /* nodes, references, triangles, bounds table */
+    uint64_t beam_bytes; /* the hierarchy that beams go through */
     double seconds_components, seconds_build, seconds_classify;
     double seconds_occluders; /* child order, planes, grown boxes */
+    double seconds_beams;     /* the hierarchy that beams go through */
     int32_t auto_order;       /* the vocc_order that AUTO stands for */
     int32_t threads;          /* used by the build */
 } vocc_report;
@@ -352,11 +356,26 @@ typedef enum vocc_cache_policy {
                                 of a cube map (as Radiance's shadow cache) */
 } vocc_cache_policy;
 
+/* Instruction sets: SCALAR is in every library, SSE2 in every one for x86-64,
+ * NEON in every one for aarch64; AVX2 and AVX512 need an x86-64 machine that
+ * has them (found out at run time) and a compiler that knows them. */
 typedef enum vocc_isa {
-    VOCC_ISA_AUTO = 0,   /* the best that this machine and library have */
+    VOCC_ISA_AUTO = 0,   /* see vocc_query_isa */
     VOCC_ISA_SCALAR = 1, /* plain C */
-    VOCC_ISA_SSE2 = 2    /* x86-64 */
+    VOCC_ISA_SSE2 = 2,
+    VOCC_ISA_AVX2 = 3,   /* with FMA, BMI1 and BMI2 */
+    VOCC_ISA_AVX512 = 4, /* F, BW, DQ and VL; and all of AVX2 */
+    VOCC_ISA_NEON = 5
 } vocc_isa;
+
+/* How vocc_light_visibility finds its answer; it is the same by each. */
+typedef enum vocc_method {
+    VOCC_METHOD_AUTO = 0, /* BEAMS if no option asks for a way of tracing rays
+                             and there are at least 12 rays a triangle */
+    VOCC_METHOD_RAYS = 1, /* each ray by itself, or with its neighbours through
+                             the kd-tree: `order` and the options below it */
+    VOCC_METHOD_BEAMS = 2 /* groups of points and parts of a light at once */
+} vocc_method;
 
 /* What a query did.  A packet counts once however many lanes it has. */
 typedef struct vocc_counters {
@@ -385,6 +404,14 @@ typedef struct vocc_counters {
     uint64_t entry_lit_rays, entry_dark_rays; /* rays that need no tracing */
     uint64_t entry_few_rays; /* rays tested against a short list instead */
     uint64_t voxel_lit_rays, voxel_dark_rays; /* rays that need no tracing */
+    /* By beams: */
+    uint64_t beam_lit_rays, beam_dark_rays; /* that a whole beam settles */
+    uint64_t beam_tested_rays;              /* the others */
+    uint64_t beam_box_rays; /* those of them that an occluder blocks */
+    uint64_t beams;         /* groups, and parts of them, looked at */
+    uint64_t beam_nodes;    /* 16 children each */
+    uint64_t beam_clusters; /* 16 triangles each, against a beam */
+    uint64_t beam_tests;    /* ray x cluster */
 } vocc_counters;
 
 typedef struct vocc_query_options {
@@ -413,8 +440,15 @@ typedef struct vocc_query_options {
                         from nowhere in it (Woo and Amanatides 1990); so many
                         along the longest side of the points' bounds, up to
                         1024; 0 (default): not */
+    int32_t method;  /* a vocc_method, default AUTO; vocc_ambient_occlusion has
+                        no beams yet: BEAMS fails there (UNSUPPORTED) */
+    int32_t verify;  /* n > 0: vocc_light_visibility by beams traces one in n of
+                        the points of each light again, ray by ray without
+                        occluders, and fails (MISMATCH) if a count differs;
+                        not with `blocked` (UNSUPPORTED).  0 (default): not */
     int32_t packets; /* 1 (default): 4 rays at a time; 0: single rays */
-    int32_t isa;     /* a vocc_isa, default AUTO */
+    int32_t isa;     /* a vocc_isa, default AUTO; one that the machine or the
+                        library lacks: UNSUPPORTED */
     int32_t threads; /* 0: one a processor; at most 256 */
     vocc_progress_fn progress; /* NULL: none */
     void *progress_user;
@@ -427,6 +461,22 @@ typedef struct vocc_query_options {
 
 /* Fills *options with the defaults. */
 VOCC_API void vocc_query_options_init(vocc_query_options *options);
+
+/* *isa: the instruction set (a vocc_isa, not AUTO) that a query with these
+ * options uses; options may be NULL (defaults).  It is options->isa; for AUTO
+ * the one that the environment variable VOCC_ISA names (scalar, sse2, avx2,
+ * avx512 or neon); where that is not set, empty or "auto", the best that
+ * machine and library have.  Queries read VOCC_ISA when they begin: no other
+ * thread may be changing the environment then.
+ * Fails: INVALID_ARGUMENT (an option, or VOCC_ISA with an unknown name),
+ * UNSUPPORTED (isa or VOCC_ISA: not on this machine or not in this library; the
+ * message says what there is). */
+VOCC_API vocc_status vocc_query_isa(const vocc_query_options *options,
+                                    int32_t *isa, vocc_error *error);
+
+/* "auto", "scalar", "sse2", "avx2", "avx512", "neon"; NULL for another number.
+ */
+VOCC_API const char *vocc_isa_name(int32_t isa);
 
 /* Rays.  `org`, `dir`: rows of 3 FLOAT32 or FLOAT64.  `tmin`, `tmax`: rows of
  * 1; data NULL means 0 and infinity.  `dir` need not be normalised; t is in

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._ffi import BOUNDARY, CLEAR, NOT_TRACED, OPAQUE, UNKNOWN
 from ._ffi import version as _version
-from ._query import QueryOptions
+from ._query import QueryOptions, isa, isas
 from .camera import PerspectiveCamera
 from .errors import (
     Cancelled,
@@ -23,6 +23,7 @@ from .errors import (
     InvalidArgument,
     InvalidType,
     LimitError,
+    MismatchError,
     OpenMeshError,
     OutOfMemory,
     StateError,
@@ -65,6 +66,7 @@ __all__ = [
     "Light",
     "LimitError",
     "MeshReport",
+    "MismatchError",
     "OpenMeshError",
     "OutOfMemory",
     "PerspectiveCamera",
@@ -86,6 +88,8 @@ __all__ = [
     "ThreadError",
     "TreeReport",
     "UnsupportedError",
+    "isa",
+    "isas",
     "load_mesh",
     "load_scene",
     "shading_points",

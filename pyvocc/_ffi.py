@@ -57,10 +57,18 @@ CACHE_POLICIES: Mapping[str, int] = {
     "recent": lib.VOCC_CACHE_RECENT,
     "direction": lib.VOCC_CACHE_DIRECTION,
 }
+METHODS: Mapping[str, int] = {
+    "auto": lib.VOCC_METHOD_AUTO,
+    "rays": lib.VOCC_METHOD_RAYS,
+    "beams": lib.VOCC_METHOD_BEAMS,
+}
 ISAS: Mapping[str, int] = {
     "auto": lib.VOCC_ISA_AUTO,
     "scalar": lib.VOCC_ISA_SCALAR,
     "sse2": lib.VOCC_ISA_SSE2,
+    "avx2": lib.VOCC_ISA_AVX2,
+    "avx512": lib.VOCC_ISA_AVX512,
+    "neon": lib.VOCC_ISA_NEON,
 }
 SAMPLERS: Mapping[str, int] = {
     "sobol": lib.VOCC_SAMPLER_SOBOL,
@@ -122,6 +130,8 @@ class Query:
     entry_points: int
     entry_triangles: int
     voxels: int
+    method: int
+    verify: int
     packets: int
     isa: int
     threads: int
@@ -340,6 +350,7 @@ def report(scene: Handle) -> Report:
             build=c.seconds_build,
             classify=c.seconds_classify,
             occluders=c.seconds_occluders,
+            beams=c.seconds_beams,
         ),
         triangle_count=c.triangle_count,
         vertex_count=c.vertex_count,
@@ -402,6 +413,25 @@ def _vector(doubles: Any) -> Vector:
 # ---- queries -----------------------------------------------------------------
 
 
+def query_isa(isa: int) -> int:
+    """The instruction set of a query that asks for this one."""
+    options = ffi.new("vocc_query_options *")
+    lib.vocc_query_options_init(options)
+    options.isa = isa
+    return _isa_of(options)
+
+
+def isa_name(isa: int) -> str:
+    """The library's name of it."""
+    return _text(lib.vocc_isa_name(isa))
+
+
+def _isa_of(options: Any) -> int:
+    result, error = ffi.new("int32_t *"), ffi.new("vocc_error *")
+    _check(lib.vocc_query_isa(options, result, error), error)
+    return int(result[0])
+
+
 def _query(
     function: Callable[..., int],
     args: Sequence[Any],
@@ -421,8 +451,10 @@ def _query(
         return
     counters = ffi.new("vocc_counters *")
     options.counters = counters
+    options.isa = _isa_of(options)
     _run(function, args, options, progress)
     stats.add({name: getattr(counters, name) for name in _COUNTERS})
+    stats.isa = isa_name(options.isa)
 
 
 def _rays(count: int, org: Rows, dir: Rows, tmin: Rows | None, tmax: Rows | None) -> Any:

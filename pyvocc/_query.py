@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import TypedDict
 
 import numpy as np
@@ -22,7 +23,7 @@ from ._arrays import (
 )
 from ._ffi import Progress
 from ._values import choice, flag, integer
-from .errors import InvalidArgument, InvalidType
+from .errors import InvalidArgument, InvalidType, UnsupportedError
 from .stats import Stats
 
 MAX_THREADS = 256
@@ -51,8 +52,17 @@ class QueryOptions(TypedDict, total=False):
             (default 8).
         voxels: settle points by the voxel that they are in, so many along the longest side of
             the points' bounds, up to 1024; default 0: not. For light_visibility.
+        method: how `light_visibility` finds its answer, which is the same by each: "rays", one
+            by one through the kd-tree; "beams", groups of points and parts of a light at once;
+            "auto" (default): beams, if no option asks for a way of tracing rays and there are
+            at least 12 rays for each triangle. `ambient_occlusion` has no beams yet.
+        verify: n: `light_visibility` by beams traces one in n of the points of each light again,
+            ray by ray without occluders, and raises MismatchError if a count differs; not with
+            `blocked`. Default 0: not.
         packets: rays are traced four at a time (default True).
-        isa: "auto" (default), "scalar" or "sse2".
+        isa: "auto" (default: what the environment variable VOCC_ISA says, else the best that
+            machine and library have), "scalar", "sse2", "avx2", "avx512" or "neon". See
+            `pyvocc.isas`.
         threads: default None: as the scene was made.
     """
 
@@ -66,9 +76,32 @@ class QueryOptions(TypedDict, total=False):
     entry_points: bool | None
     entry_triangles: int
     voxels: int
+    method: str
+    verify: int
     packets: bool
     isa: str
     threads: int | None
+
+
+def isa(isa: str = "auto") -> str:
+    """The name of the instruction set that queries with this option `isa` use.
+
+    Raises:
+        UnsupportedError: it is not on this machine or not in this library; its message says
+            what there is.
+        InvalidArgument: there is none of this name, or, for "auto", of that in VOCC_ISA.
+    """
+    return _ffi.isa_name(_ffi.query_isa(choice("isa", isa, _ffi.ISAS)))
+
+
+def isas() -> tuple[str, ...]:
+    """The instruction sets that machine and library have, from "scalar" to the best."""
+    found = []
+    for name in _ffi.ISAS:
+        if name != "auto":
+            with suppress(UnsupportedError):
+                found.append(isa(name))
+    return tuple(found)
 
 
 def threads_or(threads: int | None, default: int) -> int:
@@ -104,6 +137,8 @@ def query_of(default_threads: int, options: QueryOptions) -> _ffi.Query:
         entry_points=-1 if entry is None else flag("entry_points", entry),
         entry_triangles=integer("entry_triangles", options.get("entry_triangles", 8)),
         voxels=integer("voxels", options.get("voxels", 0)),
+        method=choice("method", options.get("method", "auto"), _ffi.METHODS),
+        verify=integer("verify", options.get("verify", 0)),
         packets=flag("packets", options.get("packets", True)),
         isa=choice("isa", options.get("isa", "auto"), _ffi.ISAS),
         threads=threads_or(options.get("threads"), default_threads),

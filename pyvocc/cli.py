@@ -185,6 +185,19 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="settle pixels by voxels, so many along the longest side (default 0: not)",
     )
+    add(
+        "--method",
+        choices=("auto", "rays", "beams"),
+        default="auto",
+        help="rays, or beams: groups of pixels and parts of a light at once (default: auto)",
+    )
+    add(
+        "--verify",
+        type=_integer(0, 2**31 - 1),
+        default=0,
+        metavar="N",
+        help="trace one in N pixels again, ray by ray, and fail if it differs (default 0: not)",
+    )
     add("--single-rays", action="store_true", help="trace ray by ray, not four at a time")
     add(
         "--threads",
@@ -454,6 +467,8 @@ def _shadow(options: argparse.Namespace) -> int:
         "entry_points": {"auto": None, "yes": True, "no": False}[options.entry_points],
         "entry_triangles": options.entry_triangles,
         "voxels": options.voxels,
+        "method": options.method,
+        "verify": options.verify,
         "packets": not options.single_rays,
     }
     with scene, Progress("shadows") as progress:
@@ -499,7 +514,8 @@ def _shadow(options: argparse.Namespace) -> int:
                     "primary": result.primary_seconds,
                     "shadow": result.shadow_seconds,
                 },
-                "counters": asdict(stats),
+                "isa": stats.isa,
+                "counters": stats.counters,
                 "report": asdict(scene.report),
             },
         )

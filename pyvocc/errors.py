@@ -74,6 +74,10 @@ class ThreadError(Error, RuntimeError):
     """The system gave no thread or lock."""
 
 
+class MismatchError(Error, RuntimeError):
+    """`verify` found a difference: a fault of the library or of the machine."""
+
+
 # By the name of the vocc_status after VOCC_ERROR_.
 EXCEPTIONS: Mapping[str, type[Error]] = {
     "INVALID_ARGUMENT": InvalidArgument,
@@ -85,6 +89,7 @@ EXCEPTIONS: Mapping[str, type[Error]] = {
     "UNSUPPORTED": UnsupportedError,
     "OPEN_MESH": OpenMeshError,
     "THREAD": ThreadError,
+    "MISMATCH": MismatchError,
 }
 
 

@@ -124,17 +124,18 @@ class TreeReport:
 @dataclass(frozen=True)
 class BuildSeconds:
     """Seconds by stage; `occluders` are what the traversal wants beyond the labels: child order,
-    planes, grown boxes."""
+    planes, grown boxes; `beams` is the hierarchy that beams go through."""
 
     components: float
     build: float
     classify: float
     occluders: float
+    beams: float
 
     @property
     def total(self) -> float:
         """All stages."""
-        return self.components + self.build + self.classify + self.occluders
+        return self.components + self.build + self.classify + self.occluders + self.beams
 
 
 @dataclass(frozen=True)

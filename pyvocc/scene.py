@@ -310,7 +310,7 @@ class Scene:
             tmin, tmax: (...), in units of dir; tmin may be negative. A ray with a NaN, or
                 tmin >= tmax, meets nothing.
             packets: rays are traced four at a time.
-            isa: "auto", "scalar" or "sse2".
+            isa: "auto", or one of `pyvocc.isas()`.
             threads, progress: see the class.
             stats: counters that are added to.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 
 @dataclass
@@ -35,6 +35,13 @@ class Stats:
         entry_lit_rays, entry_dark_rays: rays that need no tracing.
         entry_few_rays: rays tested against a short list of triangles instead.
         voxel_lit_rays, voxel_dark_rays: rays that need no tracing.
+        beam_lit_rays, beam_dark_rays: rays that beams settled together.
+        beam_tested_rays: those that they tested one by one.
+        beam_box_rays: those of the latter that an occluder blocked.
+        beams: groups of points, and parts of them, looked at.
+        beam_nodes, beam_clusters: nodes (16 children) and clusters (16 triangles) looked at.
+        beam_tests: ray x cluster.
+        isa: the instruction set that ran last ("" before); it is no counter, and not compared.
     """
 
     rays: int = 0
@@ -62,6 +69,20 @@ class Stats:
     entry_few_rays: int = 0
     voxel_lit_rays: int = 0
     voxel_dark_rays: int = 0
+    beam_lit_rays: int = 0
+    beam_dark_rays: int = 0
+    beam_tested_rays: int = 0
+    beam_box_rays: int = 0
+    beams: int = 0
+    beam_nodes: int = 0
+    beam_clusters: int = 0
+    beam_tests: int = 0
+    isa: str = field(default="", compare=False)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """The counters by name."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.compare}
 
     @property
     def lanes_per_visit(self) -> float:

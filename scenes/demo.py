@@ -46,7 +46,7 @@ SCENES = {
     "garden": "A garden of thin things",
 }
 BASELINE: dict[str, Any] = {"order": "standard", "occluders": False, "cache": 0}
-OCCLUDERS: dict[str, Any] = {"order": "auto", "occluders": True, "cache": 8}
+OCCLUDERS: dict[str, Any] = {"order": "auto", "method": "rays", "occluders": True, "cache": 8}
 
 
 @dataclass(frozen=True, eq=False)

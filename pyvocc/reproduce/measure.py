@@ -363,7 +363,7 @@ class Measured:
             "rays": traced.size * self.settings.samples,
             "visible": int(traced.sum(dtype=np.int64)),
             "hash": _digest(visible),
-            "counters": asdict(stats),
+            "counters": stats.counters,
         }
 
     def _make_time(self, mode: Mode, size: int, round_: int) -> Value:
@@ -381,7 +381,7 @@ class Measured:
         stats = Stats()
         _, blocked = self._trace_split(mode, kind, stats)
         wrong = int(np.count_nonzero(blocked != (kind == "blocked")))
-        return {"rays": len(blocked), "wrong": wrong, "counters": asdict(stats)}
+        return {"rays": len(blocked), "wrong": wrong, "counters": stats.counters}
 
     def _make_split_time(self, mode: Mode, kind: str, round_: int) -> Value:
         return {"seconds": self._trace_split(mode, kind)[0]}

@@ -35,6 +35,7 @@ def _mode(name: str, label: str, base: QueryOptions, **options: Unpack[QueryOpti
 
 # Front to back, triangles at once, no occluders: the slides' "Standard Ray Order".
 _BASE: QueryOptions = {
+    "method": "rays",
     "order": "standard",
     "occluders": False,
     "cache": 0,

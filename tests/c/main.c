@@ -28,7 +28,7 @@ static const test_case *const tables[] = {
     test_tree_cases,           test_oracle_cases,      test_identical_cases,
     test_light_cases,          test_light_types_cases, test_cracks_cases,
     test_hostile_cases,        test_threads_cases,     test_classify_rays_cases,
-    test_worked_example_cases,
+    test_worked_example_cases, test_isa_cases,         test_wide_cases,
 };
 
 static struct {

@@ -21,6 +21,7 @@ extern const test_case test_progress_cases[];
 extern const test_case test_report_cases[];
 extern const test_case test_cracks_cases[];
 extern const test_case test_identical_cases[];
+extern const test_case test_isa_cases[];
 extern const test_case test_light_cases[];
 extern const test_case test_light_types_cases[];
 extern const test_case test_oracle_cases[];
@@ -29,6 +30,7 @@ extern const test_case test_tree_cases[];
 extern const test_case test_hostile_cases[];
 extern const test_case test_threads_cases[];
 extern const test_case test_classify_rays_cases[];
+extern const test_case test_wide_cases[];
 extern const test_case test_worked_example_cases[];
 
 /* Records a failure of the running test.  After a number of them in one test

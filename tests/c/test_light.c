@@ -107,6 +107,15 @@ static void expected_counts(const world *w, const receivers *r,
     rays_free(&set);
 }
 
+/* Ways of tracing rays, then beams on each instruction set. */
+enum { RAY_WAYS = 12 };
+
+/* Coordinates that beams leave to rays. */
+static int is_beyond_beams(double scale)
+{
+    return scale < 0x1p-29 || scale > 0x1p24;
+}
+
 static vocc_status query(const world *w, const receivers *r, size_t light_count,
                          const vocc_light *lights, int32_t samples,
                          uint16_t *visible, const vocc_query_options *options,
@@ -314,7 +323,7 @@ static void neighbours(void)
             uint32_t *steps = malloc(r.count * sizeof(*steps));
             REQUIRE(expected && actual && steps);
             expected_counts(&w, &r, LIGHTS, moved, 4, expected);
-            for (int way = 0; way < 12; way++) {
+            for (int way = 0; way < RAY_WAYS + VOCC_ISA_NEON; way++) {
                 vocc_query_options options;
                 vocc_counters counters;
                 vocc_error error;
@@ -332,6 +341,17 @@ static void neighbours(void)
                 options.threads = 1 + way % 3;
                 options.counters = &counters;
                 options.point_steps = way > 7 ? steps : NULL;
+                options.method = VOCC_METHOD_RAYS;
+                if (way >= RAY_WAYS) {
+                    vocc_query_options_init(&options);
+                    options.method = VOCC_METHOD_BEAMS;
+                    options.isa = VOCC_ISA_SCALAR + way - RAY_WAYS;
+                    if (!has_isa(options.isa))
+                        continue;
+                    options.threads = 1 + way % 3;
+                    options.counters = &counters;
+                    options.verify = way == RAY_WAYS ? 1 : 0;
+                }
                 CHECK_STATUS(
                     query(&w, &r, LIGHTS, moved, 4, actual, &options, &error),
                     &error, VOCC_OK);
@@ -343,15 +363,20 @@ static void neighbours(void)
                     traced += actual[k] == VOCC_NOT_TRACED ? 0 : 4;
                     seen += actual[k] == VOCC_NOT_TRACED ? 0 : actual[k];
                 }
-                for (size_t k = 0; way > 7 && k < r.count; k++)
+                for (size_t k = 0; options.point_steps && k < r.count; k++)
                     stepped += steps[k];
                 CHECK_INT(counters.rays, traced);
                 CHECK_INT(counters.occluded, traced - seen);
-                if (way > 7)
+                if (options.point_steps)
                     CHECK_INT(counters.node_visits, stepped);
                 if (!options.occluders)
                     CHECK_INT(
                         counters.entry_dark_rays + counters.voxel_dark_rays, 0);
+                if (way >= RAY_WAYS)
+                    CHECK(is_beyond_beams(scale) ||
+                          counters.beam_lit_rays + counters.beam_dark_rays +
+                                  counters.beam_tested_rays ==
+                              traced);
                 if (!options.entry_points && !options.voxels)
                     CHECK_INT(counters.entry_searches, 0);
                 sum.entry_searches += counters.entry_searches;

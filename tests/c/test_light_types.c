@@ -209,6 +209,10 @@ static void compare_bytes(int line, const char *what, const void *actual,
     test_compared(count);
 }
 
+/* Rays in all ways, and beams on all instruction sets, without occluders as
+ * well. */
+enum { RAY_WAYS = 8, ISAS = VOCC_ISA_NEON, WAYS = RAY_WAYS + 2 * ISAS };
+
 /* One way of the many, by number; 0: the baseline. */
 static void set_way(vocc_query_options *o, int way, vocc_counters *counters)
 {
@@ -219,6 +223,17 @@ static void set_way(vocc_query_options *o, int way, vocc_counters *counters)
         mode_options(&baseline, o);
         return;
     }
+    if (way >= RAY_WAYS) {
+        o->method = VOCC_METHOD_BEAMS;
+        o->isa = VOCC_ISA_SCALAR + (way - RAY_WAYS) % ISAS;
+        if (!has_isa(o->isa))
+            o->isa = VOCC_ISA_AUTO;
+        o->occluders = way < RAY_WAYS + ISAS;
+        o->threads = 1 + way % 3;
+        o->verify = way % 2 ? 3 : 0;
+        return;
+    }
+    o->method = VOCC_METHOD_RAYS;
     o->order = way % 3 == 0   ? VOCC_ORDER_AUTO
                : way % 3 == 1 ? VOCC_ORDER_OPAQUE_FIRST
                               : VOCC_ORDER_QDBFS;
@@ -230,8 +245,6 @@ static void set_way(vocc_query_options *o, int way, vocc_counters *counters)
     o->threads = 1 + way % 3;
     o->entry_triangles = way == 4 ? 0 : 8 * way;
 }
-
-enum { WAYS = 8 };
 
 static void all_ways(void)
 {
@@ -285,7 +298,8 @@ static void all_ways(void)
                              moved, &sampling, way == 2 ? NULL : counts,
                              way == 3 ? NULL : shares, NULL, &options, &error),
                          &error, VOCC_OK);
-            sum.rays += c.rays;
+            if (way < RAY_WAYS)
+                sum.rays += c.rays;
             sum.entry_lit_rays += c.entry_lit_rays;
             sum.entry_dark_rays += c.entry_dark_rays;
             if (way && way != 2)
@@ -294,7 +308,18 @@ static void all_ways(void)
             if (way && way != 3)
                 compare_bytes(__LINE__, "irradiance", shares, share, values,
                               sizeof(*shares));
+            sum.beam_lit_rays += c.beam_lit_rays;
+            sum.beam_dark_rays += c.beam_dark_rays;
+            sum.beam_tested_rays += c.beam_tested_rays;
             memset(&c, 0, sizeof(c));
+            if (way >= RAY_WAYS) {
+                options.verify = 0;
+                CHECK_STATUS(vocc_ambient_occlusion(
+                                 w.scene, r.count, points, normals, ids, 1.0,
+                                 &sampling, open, NULL, &options, &error),
+                             &error, VOCC_ERROR_UNSUPPORTED);
+                options.method = VOCC_METHOD_AUTO;
+            }
             uint16_t *opens = way ? open + r.count : open;
             CHECK_STATUS(vocc_ambient_occlusion(
                              w.scene, r.count, points, normals, ids,
@@ -316,6 +341,12 @@ static void all_ways(void)
     test_note("of %g rays, searches settle %g lit and %g dark",
               (double)sum.rays, (double)sum.entry_lit_rays,
               (double)sum.entry_dark_rays);
+    test_note("beams settle %g lit and %g dark, and test %g",
+              (double)sum.beam_lit_rays, (double)sum.beam_dark_rays,
+              (double)sum.beam_tested_rays);
+    CHECK(sum.beam_lit_rays > sum.rays / 100);
+    CHECK(sum.beam_dark_rays > sum.rays / 1000);
+    CHECK(sum.beam_tested_rays > sum.rays / 100);
     CHECK(sum.entry_lit_rays > sum.rays / 100);
     CHECK(sum.entry_dark_rays > sum.rays / 1000);
 }
@@ -380,6 +411,7 @@ static void several_scenes(void)
             vocc_scene *scene = half_scene(&s, half);
             vocc_query_options options;
             set_way(&options, 1 + (int)((i + 3 * half) % (WAYS - 1)), NULL);
+            options.verify = 0; /* not with blocked */
             CHECK_STATUS(vocc_light_visibility(scene, r.count, points, normals,
                                                ids, LIGHTS, lights, &sampling,
                                                visible + values, share + values,

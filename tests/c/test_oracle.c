@@ -401,14 +401,14 @@ static void closest_hits_identical(void)
         shape_make(&s, i, 1);
         world_make(&w, &s, NULL);
         rays_init(&set);
-        rays_adversarial(&set, &s, test_scaled(24, 8), 400 + i);
+        rays_adversarial(&set, &s, test_scaled(24, 2), 400 + i);
         hits_make(&first, set.count);
         hits_make(&other, set.count);
         vocc_query_options options;
         mode m = mode_baseline();
         mode_options(&m, &options);
         intersect(&w, &set, &options, &first);
-        for (int isa = VOCC_ISA_AUTO; isa <= VOCC_ISA_SSE2; isa++) {
+        for (int isa = VOCC_ISA_SCALAR; isa <= VOCC_ISA_NEON; isa++) {
             if (!has_isa(isa))
                 continue;
             for (int flags = 0; flags < 4; flags++) {

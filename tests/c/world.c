@@ -121,14 +121,13 @@ const char *mode_text(const mode *m)
     static const char *const orders[] = {"auto", "standard", "extended",
                                          "bfs",  "qdbfs",    "opaque_first",
                                          "sato", "rtsah"};
-    static const char *const isas[] = {"auto", "scalar", "sse2"};
     static char text[160];
     snprintf(text, sizeof(text),
              "%s, occluders %d, cache %d, deferment %d, %s, %s, %d threads, "
              "extras %d",
              orders[m->order], m->occluders, m->cache, m->deferment,
-             m->packets ? "packets" : "single", isas[m->isa], m->threads,
-             m->extras);
+             m->packets ? "packets" : "single", vocc_isa_name(m->isa),
+             m->threads, m->extras);
     return text;
 }
 
@@ -203,11 +202,11 @@ mode_list modes_of(const int *caches, const int *deferments, const int *threads)
                                    ENTRY_POINTS | LAST_TRIANGLE,
                                    NO_FUSION | NO_ENTRY_POINTS};
     mode_list list = {0, NULL};
-    int orders[8], order_count = 0, isas[4], isa_count = 0;
+    int orders[8], order_count = 0, isas[8], isa_count = 0;
     for (int order = VOCC_ORDER_AUTO; order <= VOCC_ORDER_RTSAH; order++)
         if (has_order(order))
             orders[order_count++] = order;
-    for (int isa = VOCC_ISA_SCALAR; isa <= VOCC_ISA_SSE2; isa++)
+    for (int isa = VOCC_ISA_SCALAR; isa <= VOCC_ISA_NEON; isa++)
         if (has_isa(isa))
             isas[isa_count++] = isa;
     const size_t most = (size_t)(order_count * isa_count * 4 * length(caches) *

@@ -713,13 +713,59 @@ def test_steps_of_each_point_add_up(small: Small) -> None:
 def test_searches_settle_most_of_a_simple_picture(small: Small) -> None:
     scene, camera = small
     stats = pyvocc.Stats()
-    pyvocc.shadow_pass(scene, camera, LIGHTS, (256, 256), 4, stats=stats)
+    pyvocc.shadow_pass(scene, camera, LIGHTS, (256, 256), 4, stats=stats, method="rays")
     assert stats.entry_lit_rays > 0.2 * stats.rays
     assert stats.entry_lit_rays + stats.entry_dark_rays < stats.rays
     off = pyvocc.Stats()
     pyvocc.shadow_pass(scene, camera, LIGHTS, (256, 256), 4, stats=off, entry_points=False)
     assert off.entry_searches == 0 and off.rays == stats.rays
     assert off.node_visits > stats.node_visits
+
+
+@pytest.mark.parametrize("isa", pyvocc.isas())
+@pytest.mark.parametrize("sampler", ["sobol", "jitter"])
+def test_beams_give_what_rays_give(small: Small, isa: str, sampler: str) -> None:
+    scene, camera = small
+    for samples in (1, 20, 300):
+        ways: list[tuple[pyvocc.Stats, dict[str, Any]]] = [
+            (pyvocc.Stats(), {"method": "rays", "order": "standard"}),
+            (pyvocc.Stats(), {"method": "beams", "verify": 7}),
+            (pyvocc.Stats(), {"method": "beams", "occluders": False}),
+        ]
+        passes = [
+            pyvocc.shadow_pass(
+                scene, camera, LIGHTS, (40, 30), samples, sampler=sampler, isa=isa, stats=stats,
+                **options,
+            )
+            for stats, options in ways
+        ]  # fmt: skip
+        assert all((each.counts == passes[0].counts).all() for each in passes)
+        rays, bare = ways[0][0], ways[2][0]
+        for stats, _ in ways[1:]:
+            assert (stats.rays, stats.occluded, stats.isa) == (rays.rays, rays.occluded, isa)
+            settled = stats.beam_lit_rays + stats.beam_dark_rays + stats.beam_tested_rays
+            assert settled == stats.rays
+        assert bare.beam_box_rays == bare.beam_dark_rays == 0
+
+
+def test_what_beams_cannot_do_is_said(small: Small) -> None:
+    scene, camera = small
+    image = pyvocc.shadow_pass(scene, camera, LIGHTS, (8, 6), 4)
+    points, normals = image.position.reshape(-1, 3), image.normal.reshape(-1, 3)
+    with pytest.raises(pyvocc.UnsupportedError, match="ambient occlusion has no beams"):
+        scene.ambient_occlusion(points, normals, 1.0, method="beams")
+    with pytest.raises(pyvocc.UnsupportedError, match="point_steps"):
+        steps = np.zeros(len(points), np.uint32)
+        scene.light_visibility(points, normals, LIGHTS, 4, steps=steps, method="beams")
+    with pytest.raises(pyvocc.UnsupportedError, match="verify is 2: not with blocked"):
+        blocked = np.zeros((len(LIGHTS), len(points), 1), np.uint8)
+        scene.light_visibility(
+            points, normals, LIGHTS, 4, blocked=blocked, method="beams", verify=2
+        )
+    with pytest.raises(pyvocc.InvalidArgument, match="method"):
+        scene.light_visibility(points, normals, LIGHTS, 4, method="cones")
+    with pytest.raises(pyvocc.InvalidArgument, match="verify"):
+        scene.light_visibility(points, normals, LIGHTS, 4, verify=-1)
 
 
 def test_the_offset_is_what_is_asked_for(small: Small) -> None:

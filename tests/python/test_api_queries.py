@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import platform
 import tracemalloc
 from typing import Any
 
@@ -274,7 +275,7 @@ def test_no_option_changes_a_result(torus: pyvocc.Scene, random_rays: RandomRays
             {"deferment": 0},
             {"deferment": 1},
             {"packets": False},
-            {"isa": "scalar"},
+            *({"isa": isa} for isa in pyvocc.isas()),
             {"threads": 3},
         ):
             got = torus.occluded(org, dir, 0, tmax, order=order, **options)
@@ -319,12 +320,92 @@ def test_defaults_are_those_of_the_library() -> None:
     assert set(defaults) == set(pyvocc.QueryOptions.__optional_keys__)
 
 
+# ---- instruction sets --------------------------------------------------------
+
+
+@pytest.fixture
+def no_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("VOCC_ISA", raising=False)
+
+
+def test_isas_are_those_of_the_machine() -> None:
+    isas = pyvocc.isas()
+    if platform.machine() == "x86_64":
+        assert isas[:2] == ("scalar", "sse2")
+    elif platform.machine() == "aarch64":
+        assert isas == ("scalar", "neon")
+    assert set(isas) <= set(_ffi.ISAS) - {"auto"}
+    assert [pyvocc.isa(name) for name in isas] == list(isas)
+    for name, number in _ffi.ISAS.items():
+        assert _ffi.isa_name(number) == name
+
+
+def test_auto_is_the_best(no_variable: None) -> None:
+    assert pyvocc.isa() == pyvocc.isa("auto") == pyvocc.isas()[-1]
+
+
+def test_an_isa_that_is_not_there(torus: pyvocc.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    missing = set(_ffi.ISAS) - {"auto", *pyvocc.isas()}
+    assert missing
+    for name in missing:
+        monkeypatch.delenv("VOCC_ISA", raising=False)
+        for ask, variable in (
+            (lambda name=name: pyvocc.isa(name), "isa"),
+            (lambda name=name: torus.occluded([0, 0, 0], [0, 0, 1], isa=name), "isa"),
+            (lambda name=name: torus.intersect([0, 0, 0], [0, 0, 1], isa=name), "isa"),
+            (pyvocc.isa, "VOCC_ISA"),
+            (lambda: torus.occluded([0, 0, 0], [0, 0, 1]), "VOCC_ISA"),
+            (lambda: torus.region([0, 0, 0], stats=pyvocc.Stats()), "VOCC_ISA"),
+        ):
+            if variable == "VOCC_ISA":
+                monkeypatch.setenv("VOCC_ISA", name)
+            with pytest.raises(pyvocc.UnsupportedError, match=f"{variable} is {name}") as caught:
+                ask()
+            assert caught.value.argument == variable
+            assert ", ".join(pyvocc.isas()) in str(caught.value)
+
+
+def test_the_environment_says_what_auto_is(
+    torus: pyvocc.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in pyvocc.isas():
+        monkeypatch.setenv("VOCC_ISA", name)
+        assert pyvocc.isa() == name
+        for isa in pyvocc.isas():
+            assert pyvocc.isa(isa) == isa
+        stats = pyvocc.Stats()
+        torus.occluded([0, 0, 0], [0, 0, 1], stats=stats)
+        assert stats.isa == name
+    monkeypatch.setenv("VOCC_ISA", "sse5")
+    assert pyvocc.isa("scalar") == "scalar"
+    for ask in (pyvocc.isa, lambda: torus.occluded([0, 0, 0], [0, 0, 1])):
+        with pytest.raises(pyvocc.InvalidArgument, match=r'VOCC_ISA is "sse5": .*avx512') as caught:
+            ask()
+        assert caught.value.argument == "VOCC_ISA"
+
+
+def test_stats_say_which_isa_ran(torus: pyvocc.Scene, no_variable: None) -> None:
+    stats = pyvocc.Stats()
+    assert stats.isa == ""
+    points, lights = np.full((5, 3), 3.0), [pyvocc.RectLight((-1, 3, -1), (2, 0, 0), (0, 0, 2))]
+    for isa in ("auto", *pyvocc.isas()):
+        for ask in (
+            lambda isa: torus.occluded(points, -points, stats=stats, isa=isa),
+            lambda isa: torus.intersect(points, -points, stats=stats, isa=isa),
+            lambda isa: torus.light_visibility(points, points, lights, stats=stats, isa=isa),
+        ):
+            stats.isa = ""
+            ask(isa)
+            assert stats.isa == pyvocc.isa(isa)
+
+
 # ---- counters ----------------------------------------------------------------
 
 
 def test_stats_has_every_counter_of_the_library() -> None:
     names = [field.name for field in dataclasses.fields(pyvocc.Stats)]
-    assert names == list(_ffi._COUNTERS)
+    assert names == [*_ffi._COUNTERS, "isa"]
+    assert list(pyvocc.Stats().counters) == list(_ffi._COUNTERS)
 
 
 def test_a_cache_hit_takes_no_step(torus: pyvocc.Scene, random_rays: RandomRays) -> None:

@@ -286,7 +286,7 @@ def test_types_of_rays(cube: pyvocc.Scene, dtype: Any) -> None:
         ("deferment", [-1, 513, -(2**40)]),
         ("threads", [0, -3, 257]),
         ("order", ["", "fast", "QDBFS"]),
-        ("isa", ["neon", "SSE2"]),
+        ("isa", ["avx", "SSE2"]),
         ("cache_policy", ["", "oldest"]),
         ("entry_triangles", [-1, 65]),
         ("voxels", [-1, 1025]),

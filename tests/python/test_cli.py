@@ -243,6 +243,7 @@ def test_shadow_writes_exr_png_and_stats(folder: Path, run: Run, exr: None) -> N
     assert stats["size"] == [24, 16]
     assert stats["options"]["threads"] == 2
     assert stats["counters"]["rays"] == stats["rays"]
+    assert stats["isa"] == pyvocc.isa()
     traced = sum(np.count_nonzero(image[f"shadow.{k}"] >= 0) for k in stats["lights"])
     assert f" {4 * traced / 1e6:.2f} M samples in " in out
     # Pixels at a horizon: what is below the surface is dark without a ray.
@@ -293,6 +294,8 @@ def test_shadow_options_reach_the_library(
         "entry_points": None,
         "entry_triangles": 8,
         "voxels": 0,
+        "method": "auto",
+        "verify": 0,
         "packets": True,
         "stats": None,
     }
@@ -306,6 +309,10 @@ def test_shadow_options_reach_the_library(
     assert not (seen["fusion"] or seen["packets"] or seen["entry_points"])
     assert (seen["triangle_cache"], seen["entry_triangles"], seen["voxels"]) == (True, 3, 12)
     assert run("diff", "a.png", "b.png")[0] == 0
+    beams = ("--size", "8x4", "--samples", "3", "--method", "beams", "--verify", "1")
+    assert run("shadow", "scene.toml", "-o", "d.png", *beams)[0] == 0
+    assert (seen["method"], seen["verify"]) == ("beams", 1)
+    assert run("diff", "a.png", "d.png")[0] == 0
 
 
 def test_shadow_of_lights_of_every_type(folder: Path, run: Run, exr: None) -> None:

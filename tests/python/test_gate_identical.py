@@ -45,19 +45,20 @@ FILES = ("bunny.ply", "cowboy.ply", "cowboy_shells.ply", "blobby_shuffled.off", 
 def modes() -> list[dict[str, Any]]:
     """Every value with every order; threads and list lengths in turns."""
     turns = list(product((0, 1, 8, 64), (0, 1, 16, 512)))
+    fast = pyvocc.isas()[1:] or ("auto",)
     return [
         {
             "order": order,
             "occluders": occluders,
             "packets": packets,
-            "isa": isa,
+            "isa": "scalar" if plain else fast[number % len(fast)],
             "cache": turns[number % len(turns)][0],
             "deferment": turns[number * 7 % len(turns)][1],
             "threads": 1 + number % 3,
             **EXTRAS[number % len(EXTRAS)],
         }
-        for number, (order, occluders, packets, isa) in enumerate(
-            product(ORDERS, (True, False), (True, False), ("auto", "scalar"))
+        for number, (order, occluders, packets, plain) in enumerate(
+            product(ORDERS, (True, False), (True, False), (False, True))
         )
     ]
 
@@ -106,7 +107,7 @@ def check_rays(scene: pyvocc.Scene, rays: Rays, what: str) -> None:
             f"{what}, {mode}: {len(differ)} rays differ, the first is "
             f"{[array[differ[0]].tolist() for array in rays]}"
         )
-    for packets, isa, threads in product((True, False), ("auto", "scalar"), (1, 2, 3)):
+    for packets, isa, threads in product((True, False), pyvocc.isas(), (1, 2, 3)):
         other = scene.intersect(*rays, packets=packets, isa=isa, threads=threads)
         for ours, theirs, field in zip(hits, other, hits._fields, strict=True):
             assert np.array_equal(ours, theirs), (what, field, packets, isa, threads)

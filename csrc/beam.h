@@ -1,0 +1,171 @@
+/* Beams: all segments from some points to a part of a light, decided together.
+ *
+ * A segment is in the slice (1 - t) * points + t * ends at parameter t, a box;
+ * so what no slice meets, no segment meets.  A beam carries the list of boxes
+ * (nodes and clusters of the hierarchy) that its slices meet; a part of it, of
+ * fewer points or a smaller part of the light, looks at that list only.  An
+ * empty list: all are lit.  What stays undecided until few segments are left is
+ * tested segment by segment, with the triangles of 16 a cluster in the lanes.
+ * (Reshetov, Soupikov and Hurley 2005 search entry points so; Ghazanfarpour and
+ * Hasenfratz, "A Beam Tracing Method with Precise Antialiasing for Polyhedral
+ * Scenes", 1998, split beams.)
+ *
+ * Edge functions (triangle.h) from a segment's Pluecker coordinates: with
+ * origin o and corners A, B, C relative to the beam's centre, and E = B - A,
+ *     dir . ((A - o) x (B - o)) = dir . (A x E) + E . (o x dir).
+ * A x E is the same for all segments of the beam.  Edges in place of second
+ * corners make the rounding error grow with the size of the triangle, not with
+ * its distance.
+ *
+ * Exits only: a segment that starts and ends outside of a solid leaves it if it
+ * enters it, so of solids only the triangles that a segment leaves through
+ * matter (docs/method.md, "Beams").  A lit receiver's own surroundings are none
+ * of those. */
+#ifndef VOCC_BEAM_H
+#define VOCC_BEAM_H
+
+#include "bvh.h"
+#include "kdtree.h"
+#include "platform.h"
+#include "shaft.h"
+
+enum {
+    VOCC_BEAM_POINTS = 256,
+    VOCC_BEAM_RAYS = 256, /* tested together */
+    VOCC_BEAM_BLOCKS = VOCC_BEAM_RAYS / VOCC_WIDE,
+    VOCC_BEAM_LIST = 256, /* boxes; what has no room stays in its parent */
+    VOCC_BEAM_STACK = VOCC_WIDE * VOCC_BVH_DEPTH
+};
+
+/* Boxes that a beam meets, with their nodes and clusters. */
+typedef struct vocc_beam_list {
+    int count;
+    float near; /* where the slices meet the first */
+    float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
+    float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
+    uint32_t child[VOCC_BEAM_LIST + VOCC_WIDE];
+} vocc_beam_list;
+
+typedef struct vocc_beam {
+    const vocc_tree *tree;
+    const vocc_bvh *bvh;
+    int exits; /* solids' triangles: only those that segments leave through */
+    int is_sharp; /* drop triangles beside the beam from lists */
+    float size;   /* largest |coordinate| of the scene, points and light */
+    float margin; /* by which slices are widened */
+
+    /* The points. */
+    size_t count;
+    float point[3][VOCC_BEAM_POINTS];
+    float lower[3], upper[3];
+    float centre[3];
+    float axis[3][3]; /* half axes of a box around the points */
+    float reach;      /* no coordinate of a point less `centre` is larger */
+
+    /* What they aim at: a box of points, or of directions. */
+    int is_direction;
+    float end[3];         /* its centre, less `centre` if it is a point */
+    float end_axis[3][3]; /* half axes */
+    float end_slack, end_reach;
+    float end_width; /* of the ends, at t = 1 */
+    float twist[3];  /* bounds of |o x x|: o a point, x from `end` to an end */
+
+    /* Slices: at t = 0, and 1 / (what is added until t = 1). */
+    float slice_lower[3], slice_upper[3], step_lower[3], step_upper[3];
+    float way[3], way_half[3]; /* bounds of all directions */
+    vocc_shaft slices;         /* for occluders */
+
+    uint32_t stack[VOCC_BEAM_STACK];
+
+    /* What was done. */
+    uint64_t nodes, clusters, ray_tests, exact_tests;
+} vocc_beam;
+
+/* Segments that are tested together: coordinates of the origin are relative to
+ * the beam's centre, but for `org`. */
+typedef struct vocc_beam_rays {
+    int count;
+    float tmax;                    /* of all */
+    uint8_t owner[VOCC_BEAM_RAYS]; /* point of the beam */
+    float norm;                    /* no |dir|, 1-norm, is larger */
+    float org[3][VOCC_BEAM_RAYS + VOCC_WIDE];
+    float dir[3][VOCC_BEAM_RAYS + VOCC_WIDE];
+    float from[3][VOCC_BEAM_RAYS + VOCC_WIDE];    /* org - centre */
+    float inverse[3][VOCC_BEAM_RAYS + VOCC_WIDE]; /* 1 / dir */
+    float moment[3][VOCC_BEAM_RAYS + VOCC_WIDE];  /* from x dir */
+    /* Beams of 16 segments each, as a vocc_beam's slices; bits of the blocks in
+     * which a step is positive. */
+    float slice_lower[3][VOCC_BEAM_BLOCKS], slice_upper[3][VOCC_BEAM_BLOCKS];
+    float step_lower[3][VOCC_BEAM_BLOCKS], step_upper[3][VOCC_BEAM_BLOCKS];
+    unsigned rising_lower[3], rising_upper[3];
+    /* Bits: not known to be blocked. */
+    uint16_t open[VOCC_BEAM_BLOCKS];
+    unsigned open_blocks; /* those with such a bit */
+    int touching; /* set if an origin may lie on a triangle that was tested */
+} vocc_beam_rays;
+
+typedef struct vocc_beam_kernels {
+    /* Whether the beam meets any triangle of the hierarchy. */
+    int (*meets_any)(vocc_beam *beam);
+    /* Of the boxes of `from` (NULL: all the hierarchy) those that the beam
+     * meets, opened where they are few. */
+    void (*narrow)(vocc_beam *beam, const vocc_beam_list *from,
+                   vocc_beam_list *to);
+    /* For 64 points at most and a list of clusters only: bits of the points
+     * from which any of their triangles may be met.  Clusters that no point may
+     * meet are taken off. */
+    uint64_t (*sieve)(vocc_beam *beam, vocc_beam_list *list);
+    /* Sets from, inverse, moment, norm. */
+    void (*prepare)(const vocc_beam *beam, vocc_beam_rays *rays);
+    /* Clears the bits of segments that pass through an occluder. */
+    void (*block_by_boxes)(const vocc_opaque *const *boxes, int count,
+                           vocc_beam_rays *rays);
+    /* Clears the bits of segments that cross a triangle below the list. */
+    void (*block)(vocc_beam *beam, const vocc_beam_list *list,
+                  vocc_beam_rays *rays);
+} vocc_beam_kernels;
+
+/* The limits that the bounds are proven for: 0 if the tree, the points within
+ * reach[] or the target are beyond.  Sets beam->size, margin, is_direction. */
+VOCC_INTERNAL int vocc_beam_limits(vocc_beam *beam, const double reach[3],
+                                   const vocc_target *target);
+
+/* Sets up the points: beam->point, count; normal[which[i]] is that of point i.
+ */
+VOCC_INTERNAL void vocc_beam_set_points(vocc_beam *beam,
+                                        const double (*normal)[3],
+                                        const uint16_t *which);
+
+/* Sets up what they aim at: the part of the target between (low[0], low[1])
+ * and (high[0], high[1]) along its first two axes, 0 to 1 each.  After
+ * vocc_beam_set_points. */
+VOCC_INTERNAL void vocc_beam_set_end(vocc_beam *beam, const vocc_target *target,
+                                     const double low[2], const double high[2]);
+
+enum { VOCC_BEAM_BOXES = 16 };
+
+/* Collects occluders of another region than `region`, that of all ends, along
+ * some segments of the beam.  Returns one that holds a whole slice: all is
+ * dark; or NULL. */
+VOCC_INTERNAL const vocc_opaque *
+vocc_beam_find_boxes(const vocc_beam *beam, int32_t region,
+                     const vocc_opaque *boxes[VOCC_BEAM_BOXES], int *count);
+
+/* For an isa that is there (vocc_isa_choose). */
+VOCC_INTERNAL const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa);
+
+extern VOCC_INTERNAL const vocc_beam_kernels vocc_beam_kernels_plain;
+#if VOCC_HAVE_SSE2
+extern VOCC_INTERNAL const vocc_beam_kernels vocc_beam_kernels_sse2;
+#endif
+#if VOCC_HAVE_AVX2
+extern VOCC_INTERNAL const vocc_beam_kernels vocc_beam_kernels_avx2;
+#endif
+#if VOCC_HAVE_AVX512
+extern VOCC_INTERNAL const vocc_beam_kernels vocc_beam_kernels_avx512;
+#endif
+#if VOCC_HAVE_NEON
+extern VOCC_INTERNAL const vocc_beam_kernels vocc_beam_kernels_neon;
+#endif
+
+#endif

@@ -1,0 +1,15 @@
+/* Beams in NEON. */
+#include "beam.h"
+#include "lanes.h"
+#include "triangle.h"
+#include "vec3.h"
+
+#include <string.h>
+
+#if VOCC_HAVE_NEON
+#include "wide_neon.h"
+#define VOCC_BEAM_KERNELS vocc_beam_kernels_neon
+#include "beam_body.inc"
+#else
+typedef int vocc_no_beams_here; /* a file is not empty */
+#endif

@@ -1,0 +1,451 @@
+#include "bvh.h"
+#include "memory.h"
+#include "vec3.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Binned surface area heuristic (Wald, "On fast Construction of SAH-based
+ * Bounding Volume Hierarchies", 2007), in units of whole clusters. */
+enum { BINS = 16, MAX_DEPTH = 48, NO_NODE = -1 };
+
+typedef struct box {
+    float lower[3], upper[3];
+} box;
+
+typedef struct item {
+    box bounds;
+    uint32_t triangle;
+} item;
+
+/* A node of two children, before they are gathered to wide ones. */
+typedef struct pair {
+    box bounds, normals;
+    uint32_t child[2]; /* pairs; or a cluster and UINT32_MAX */
+} pair;
+
+typedef struct builder {
+    const vocc_tree *tree;
+    const vocc_solids *solids;
+    item *items;
+    pair *pairs;
+    size_t pair_count;
+    vocc_bvh *bvh;
+} builder;
+
+static void box_none(box *b)
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        b->lower[k] = FLT_MAX;
+        b->upper[k] = -FLT_MAX;
+    }
+}
+
+static void box_add(box *b, const box *other)
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        b->lower[k] =
+            other->lower[k] < b->lower[k] ? other->lower[k] : b->lower[k];
+        b->upper[k] =
+            other->upper[k] > b->upper[k] ? other->upper[k] : b->upper[k];
+    }
+}
+
+static void box_add_point(box *b, const float p[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        b->lower[k] = p[k] < b->lower[k] ? p[k] : b->lower[k];
+        b->upper[k] = p[k] > b->upper[k] ? p[k] : b->upper[k];
+    }
+}
+
+static double box_area(const box *b)
+{
+    const double x = (double)b->upper[0] - (double)b->lower[0],
+                 y = (double)b->upper[1] - (double)b->lower[1],
+                 z = (double)b->upper[2] - (double)b->lower[2];
+    return x * y + y * z + z * x;
+}
+
+/* Twice the centre, as the sum of floats that cannot overflow. */
+static float middle(const item *i, int axis)
+{
+    return 0.5f * i->bounds.lower[axis] + 0.5f * i->bounds.upper[axis];
+}
+
+/* ---- splitting --------------------------------------------------------------
+ */
+
+typedef struct bin {
+    box bounds;
+    size_t count;
+} bin;
+
+static double clusters_of(size_t count)
+{
+    return (double)((count + VOCC_WIDE - 1) / VOCC_WIDE);
+}
+
+/* The best of BINS - 1 planes: its cost, and how many items are below it. */
+static double best_plane(const item *items, size_t count, int axis, float low,
+                         float high, size_t *below)
+{
+    bin bins[BINS];
+    box upper[BINS], sum;
+    size_t i, n;
+    double best = INFINITY;
+    const float scale = (float)BINS * (1.0f - 0x1p-20f) / (high - low);
+    int b;
+    for (b = 0; b < BINS; b++) {
+        box_none(&bins[b].bounds);
+        bins[b].count = 0;
+    }
+    for (i = 0; i < count; i++) {
+        const float at = (middle(&items[i], axis) - low) * scale;
+        b = at > 0.0f ? at < (float)BINS ? (int)at : BINS - 1 : 0;
+        bins[b].count++;
+        box_add(&bins[b].bounds, &items[i].bounds);
+    }
+    box_none(&sum);
+    for (b = BINS - 1; b > 0; b--) {
+        box_add(&sum, &bins[b].bounds);
+        upper[b] = sum;
+    }
+    box_none(&sum);
+    n = 0;
+    for (b = 0; b + 1 < BINS; b++) {
+        double cost;
+        box_add(&sum, &bins[b].bounds);
+        n += bins[b].count;
+        if (n == 0 || n == count)
+            continue;
+        cost = box_area(&sum) * clusters_of(n) +
+               box_area(&upper[b + 1]) * clusters_of(count - n);
+        if (cost < best) {
+            best = cost;
+            *below = n;
+        }
+    }
+    return best;
+}
+
+static void swap_items(item *a, item *b)
+{
+    const item t = *a;
+    *a = *b;
+    *b = t;
+}
+
+/* The `wanted` items with the smallest centres to the front: Hoare's
+ * quickselect; the pivot is the middle of three. */
+static void select_items(item *items, size_t count, size_t wanted, int axis)
+{
+    size_t from = 0, to = count;
+    while (to - from > 1) {
+        const float x = middle(&items[from], axis),
+                    y = middle(&items[from + (to - from) / 2], axis),
+                    z = middle(&items[to - 1], axis);
+        const float pivot = x < y ? (y < z   ? y
+                                     : x < z ? z
+                                             : x)
+                                  : (x < z   ? x
+                                     : y < z ? z
+                                             : y);
+        size_t i = from, j = to - 1;
+        for (;;) {
+            while (middle(&items[i], axis) < pivot)
+                i++;
+            while (middle(&items[j], axis) > pivot)
+                j--;
+            if (i >= j)
+                break;
+            swap_items(&items[i++], &items[j--]);
+        }
+        /* from .. j are at most the pivot, i .. to - 1 at least. */
+        j = i == j ? j + 1 : i;
+        if (wanted < j) {
+            if (j == to)
+                j = to - 1;
+            to = j;
+        } else if (wanted > j) {
+            from = j;
+        } else {
+            return;
+        }
+    }
+}
+
+/* Reorders the items; returns how many go to the first child: whole clusters,
+ * so that one of all clusters is less than full. */
+static size_t split(item *items, size_t count, int depth)
+{
+    box centres;
+    size_t i, below = count / 2, units;
+    double best = INFINITY;
+    int axis = 0, k, widest = 0;
+    box_none(&centres);
+    for (i = 0; i < count; i++) {
+        float c[3];
+        for (k = 0; k < 3; k++)
+            c[k] = middle(&items[i], k);
+        box_add_point(&centres, c);
+    }
+    for (k = 1; k < 3; k++)
+        if (centres.upper[k] - centres.lower[k] >
+            centres.upper[widest] - centres.lower[widest])
+            widest = k;
+    axis = widest;
+    if (depth < MAX_DEPTH)
+        for (k = 0; k < 3; k++) {
+            size_t n = 0;
+            double cost;
+            if (!(centres.upper[k] - centres.lower[k] > FLT_MIN))
+                continue;
+            cost = best_plane(items, count, k, centres.lower[k],
+                              centres.upper[k], &n);
+            if (cost < best) {
+                best = cost;
+                below = n;
+                axis = k;
+            }
+        }
+    /* Whole clusters on one side. */
+    units = (below + VOCC_WIDE / 2) / VOCC_WIDE;
+    if (units < 1)
+        units = 1;
+    if (units * VOCC_WIDE >= count)
+        units = (count - 1) / VOCC_WIDE;
+    below = units * VOCC_WIDE;
+    select_items(items, count, below, axis);
+    return below;
+}
+
+/* ---- clusters and normals ---------------------------------------------------
+ */
+
+static int is_both_sided(const builder *b, uint32_t triangle)
+{
+    const int32_t solid = b->solids->of_triangle[triangle];
+    return solid < 0 || !b->solids->consistent[solid];
+}
+
+/* Bounds of the unit normal; 0 if double is not enough for one. */
+static int unit_normal(const float *c, box *normal)
+{
+    double e1[3], e2[3], n[3], length, products = 0.0;
+    int k;
+    for (k = 0; k < 3; k++) {
+        e1[k] = (double)c[3 + k] - (double)c[k];
+        e2[k] = (double)c[6 + k] - (double)c[k];
+    }
+    vocc_cross(e1, e2, n);
+    for (k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        products += vocc_abs(e1[i] * e2[j]) + vocc_abs(e1[j] * e2[i]);
+    }
+    length = sqrt(vocc_dot(n, n));
+    if (!(length > 0x1p-500) || !(products <= 0x1p20 * length))
+        return 0;
+    for (k = 0; k < 3; k++) {
+        normal->lower[k] = (float)(n[k] / length - 0x1p-22);
+        normal->upper[k] = (float)(n[k] / length + 0x1p-22);
+    }
+    return 1;
+}
+
+static void make_cluster(builder *b, const item *items, size_t count,
+                         uint32_t number, box *normals)
+{
+    vocc_cluster *cluster = &b->bvh->clusters[number];
+    size_t i;
+    int k;
+    cluster->count = (uint32_t)count;
+    cluster->both_sides = 0;
+    box_none(normals);
+    for (i = 0; i < VOCC_WIDE; i++) {
+        const uint32_t triangle = items[i < count ? i : 0].triangle;
+        const float *c = b->tree->corners + 9 * (size_t)triangle;
+        cluster->triangle[i] = triangle;
+        for (k = 0; k < 9; k++)
+            cluster->corner[k][i] = c[k];
+        if (i < count) {
+            const int both = is_both_sided(b, triangle);
+            box normal;
+            if (both)
+                cluster->both_sides |= 1u << i;
+            if (both || !unit_normal(c, &normal))
+                for (k = 0; k < 3; k++) {
+                    normal.lower[k] = -2.0f;
+                    normal.upper[k] = 2.0f;
+                }
+            box_add(normals, &normal);
+        }
+    }
+}
+
+static uint32_t build_pairs(builder *b, item *items, size_t count, int depth)
+{
+    const uint32_t number = (uint32_t)b->pair_count++;
+    pair *p = &b->pairs[number];
+    size_t i;
+    if (count <= VOCC_WIDE) {
+        box_none(&p->bounds);
+        for (i = 0; i < count; i++)
+            box_add(&p->bounds, &items[i].bounds);
+        p->child[0] = (uint32_t)b->bvh->cluster_count++;
+        p->child[1] = UINT32_MAX;
+        make_cluster(b, items, count, p->child[0], &p->normals);
+    } else {
+        const size_t below = split(items, count, depth);
+        p->child[0] = build_pairs(b, items, below, depth + 1);
+        p->child[1] = build_pairs(b, items + below, count - below, depth + 1);
+        p->bounds = b->pairs[p->child[0]].bounds;
+        p->normals = b->pairs[p->child[0]].normals;
+        box_add(&p->bounds, &b->pairs[p->child[1]].bounds);
+        box_add(&p->normals, &b->pairs[p->child[1]].normals);
+    }
+    return number;
+}
+
+/* ---- wide nodes -------------------------------------------------------------
+ */
+
+static int is_cluster(const pair *p)
+{
+    return p->child[1] == UINT32_MAX;
+}
+
+/* Opens the largest child until there are VOCC_WIDE. */
+static int gather(const builder *b, uint32_t top, uint32_t child[VOCC_WIDE])
+{
+    int count = 1, i;
+    child[0] = top;
+    while (count < VOCC_WIDE) {
+        int largest = -1;
+        double area = -1.0;
+        for (i = 0; i < count; i++) {
+            const pair *p = &b->pairs[child[i]];
+            if (!is_cluster(p) && box_area(&p->bounds) > area) {
+                area = box_area(&p->bounds);
+                largest = i;
+            }
+        }
+        if (largest < 0)
+            break;
+        child[count++] = b->pairs[child[largest]].child[1];
+        child[largest] = b->pairs[child[largest]].child[0];
+    }
+    return count;
+}
+
+static uint32_t make_wide(builder *b, uint32_t top)
+{
+    const uint32_t number = (uint32_t)b->bvh->node_count++;
+    vocc_wide_node *node = &b->bvh->nodes[number];
+    uint32_t child[VOCC_WIDE];
+    const int count = gather(b, top, child);
+    int i, k;
+    node->count = (uint32_t)count;
+    for (i = 0; i < VOCC_WIDE; i++) {
+        const pair *p = &b->pairs[child[i < count ? i : 0]];
+        for (k = 0; k < 3; k++) {
+            node->lower[k][i] = p->bounds.lower[k];
+            node->upper[k][i] = p->bounds.upper[k];
+            node->normal_lower[k][i] = p->normals.lower[k];
+            node->normal_upper[k][i] = p->normals.upper[k];
+        }
+        if (i >= count)
+            node->child[i] = UINT32_MAX;
+        else
+            node->child[i] = is_cluster(p) ? VOCC_IS_CLUSTER | p->child[0]
+                                           : make_wide(b, child[i]);
+    }
+    return number;
+}
+
+/* ---- the whole --------------------------------------------------------------
+ */
+
+static int equal(const float *a, const float *b)
+{
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
+}
+
+static size_t load_items(const vocc_tree *tree, item *items)
+{
+    size_t i, count = 0;
+    for (i = 0; i < tree->triangle_count; i++) {
+        const float *c = tree->corners + 9 * i;
+        if (equal(c, c + 3) || equal(c + 3, c + 6) || equal(c + 6, c))
+            continue;
+        items[count].triangle = (uint32_t)i;
+        box_none(&items[count].bounds);
+        box_add_point(&items[count].bounds, c);
+        box_add_point(&items[count].bounds, c + 3);
+        box_add_point(&items[count].bounds, c + 6);
+        count++;
+    }
+    return count;
+}
+
+/* Gives back what was reserved for more. */
+static int fit(const vocc_allocator *allocator, void **items, size_t count,
+               size_t size)
+{
+    void *const smaller = vocc_allocate(allocator, count, size);
+    if (!smaller)
+        return 0;
+    memcpy(smaller, *items, count * size);
+    vocc_release(allocator, *items);
+    *items = smaller;
+    return 1;
+}
+
+int vocc_bvh_build(const vocc_allocator *allocator, const vocc_tree *tree,
+                   const vocc_solids *solids, vocc_bvh *bvh)
+{
+    builder b;
+    size_t count, most;
+    int ok = 0;
+    memset(bvh, 0, sizeof *bvh);
+    memset(&b, 0, sizeof b);
+    b.tree = tree;
+    b.solids = solids;
+    b.bvh = bvh;
+    b.items = vocc_allocate(allocator, tree->triangle_count, sizeof *b.items);
+    if (!b.items)
+        return 0;
+    count = load_items(tree, b.items);
+    most = count / VOCC_WIDE + 1;
+    if (count) {
+        b.pairs = vocc_allocate(allocator, 2 * most, sizeof *b.pairs);
+        bvh->clusters = vocc_allocate(allocator, most, sizeof *bvh->clusters);
+        if (b.pairs && bvh->clusters) {
+            (void)build_pairs(&b, b.items, count, 0);
+            bvh->nodes = vocc_allocate(allocator, bvh->cluster_count,
+                                       sizeof *bvh->nodes);
+            if (bvh->nodes) {
+                (void)make_wide(&b, 0);
+                ok = fit(allocator, (void **)&bvh->nodes, bvh->node_count,
+                         sizeof *bvh->nodes);
+            }
+        }
+    } else {
+        ok = 1;
+    }
+    vocc_release(allocator, b.pairs);
+    vocc_release(allocator, b.items);
+    if (!ok)
+        vocc_bvh_free(allocator, bvh);
+    return ok;
+}
+
+void vocc_bvh_free(const vocc_allocator *allocator, vocc_bvh *bvh)
+{
+    vocc_release(allocator, bvh->nodes);
+    vocc_release(allocator, bvh->clusters);
+    memset(bvh, 0, sizeof *bvh);
+}

@@ -1,0 +1,51 @@
+/* The bounding volume hierarchy that beams go through: 16 children a node, 16
+ * triangles a cluster, so that one operation on 16 lanes tests all of them
+ * (Wald, Benthin and Boulos, "Getting Rid of Packets", 2008).
+ *
+ * The kd-tree answers which region a point is in; this one only which
+ * triangles a beam may meet. */
+#ifndef VOCC_BVH_H
+#define VOCC_BVH_H
+
+#include "kdtree.h"
+#include "platform.h"
+#include "regions.h"
+
+/* The height of a hierarchy is less than VOCC_BVH_DEPTH. */
+enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80 };
+
+#define VOCC_IS_CLUSTER 0x80000000u
+
+typedef struct vocc_wide_node {
+    float lower[3][VOCC_WIDE], upper[3][VOCC_WIDE];
+    /* Bounds of the unit normals, along (b - a) x (c - a); -2 to 2 if a
+     * triangle has to be taken from both sides or has no certain normal. */
+    float normal_lower[3][VOCC_WIDE], normal_upper[3][VOCC_WIDE];
+    uint32_t child[VOCC_WIDE]; /* a node, or VOCC_IS_CLUSTER and a cluster */
+    uint32_t count;
+} vocc_wide_node;
+
+typedef struct vocc_cluster {
+    float corner[9][VOCC_WIDE];   /* a, b, c; unused lanes repeat the first */
+    uint32_t triangle[VOCC_WIDE]; /* of the tree */
+    uint32_t count;
+    uint32_t both_sides; /* bits: no solid's, or of one wound inconsistently */
+} vocc_cluster;
+
+typedef struct vocc_bvh {
+    vocc_wide_node *nodes; /* the root is node 0 */
+    size_t node_count;
+    vocc_cluster *clusters;
+    size_t cluster_count;
+} vocc_bvh;
+
+/* Over all triangles of the tree but those with two equal corners, which
+ * nothing can cross.  No nodes if there are none.  Returns 0 if there is no
+ * memory. */
+VOCC_INTERNAL int vocc_bvh_build(const vocc_allocator *allocator,
+                                 const vocc_tree *tree,
+                                 const vocc_solids *solids, vocc_bvh *bvh);
+VOCC_INTERNAL void vocc_bvh_free(const vocc_allocator *allocator,
+                                 vocc_bvh *bvh);
+
+#endif

@@ -1,0 +1,14 @@
+/* From here to target_end.h functions are compiled for AVX-512: only vocc_isa
+ * says whether they may run.  Headers whose functions others call, too, come
+ * before this one.  (MSVC has the intrinsics everywhere.) */
+#include <immintrin.h>
+
+#if defined(__clang__)
+#pragma clang attribute push(                                                  \
+    __attribute__((                                                            \
+        target("avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi,bmi2"))),      \
+    apply_to = function)
+#elif defined(__GNUC__)
+#pragma GCC push_options
+#pragma GCC target("avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,bmi,bmi2")
+#endif

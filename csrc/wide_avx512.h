@@ -1,0 +1,104 @@
+/* Sixteen floats in an AVX-512 register.  The interface that all wide_*.h
+ * have:
+ * - wfloat, 16 lanes; masks are the low 16 bits of an unsigned, lane 0 lowest;
+ * - wfma(a, b, c) is a * b + c, with one rounding or two: what is computed with
+ *   it has to allow for either; wnfma(a, b, c) is c - a * b;
+ * - wmin and wmax give b where a lane is NaN;
+ * - comparisons with NaN are false. */
+#ifndef VOCC_WIDE_AVX512_H
+#define VOCC_WIDE_AVX512_H
+
+#include "platform.h"
+
+#include <immintrin.h>
+
+typedef __m512 wfloat;
+
+VOCC_INLINE wfloat wload(const float *p)
+{
+    return _mm512_loadu_ps(p);
+}
+
+VOCC_INLINE void wstore(float *p, wfloat a)
+{
+    _mm512_storeu_ps(p, a);
+}
+
+VOCC_INLINE wfloat wset(float x)
+{
+    return _mm512_set1_ps(x);
+}
+
+VOCC_INLINE wfloat wadd(wfloat a, wfloat b)
+{
+    return _mm512_add_ps(a, b);
+}
+
+VOCC_INLINE wfloat wsub(wfloat a, wfloat b)
+{
+    return _mm512_sub_ps(a, b);
+}
+
+VOCC_INLINE wfloat wmul(wfloat a, wfloat b)
+{
+    return _mm512_mul_ps(a, b);
+}
+
+VOCC_INLINE wfloat wdiv(wfloat a, wfloat b)
+{
+    return _mm512_div_ps(a, b);
+}
+
+VOCC_INLINE wfloat wfma(wfloat a, wfloat b, wfloat c)
+{
+    return _mm512_fmadd_ps(a, b, c);
+}
+
+VOCC_INLINE wfloat wnfma(wfloat a, wfloat b, wfloat c)
+{
+    return _mm512_fnmadd_ps(a, b, c);
+}
+
+VOCC_INLINE wfloat wmin(wfloat a, wfloat b)
+{
+    return _mm512_min_ps(a, b);
+}
+
+VOCC_INLINE wfloat wmax(wfloat a, wfloat b)
+{
+    return _mm512_max_ps(a, b);
+}
+
+VOCC_INLINE wfloat wabs(wfloat a)
+{
+    return _mm512_abs_ps(a);
+}
+
+VOCC_INLINE unsigned wlt(wfloat a, wfloat b)
+{
+    return _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ);
+}
+
+VOCC_INLINE unsigned wle(wfloat a, wfloat b)
+{
+    return _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ);
+}
+
+/* `yes` where the bit is set, else `no`. */
+VOCC_INLINE wfloat wselect(unsigned bits, wfloat yes, wfloat no)
+{
+    return _mm512_mask_blend_ps((__mmask16)bits, no, yes);
+}
+
+/* The smallest and the largest lane; no lane is NaN. */
+VOCC_INLINE float wlowest(wfloat a)
+{
+    return _mm512_reduce_min_ps(a);
+}
+
+VOCC_INLINE float whighest(wfloat a)
+{
+    return _mm512_reduce_max_ps(a);
+}
+
+#endif

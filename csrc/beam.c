@@ -70,53 +70,6 @@ static void frame_around(const double w[3], const double near[3], double u[3],
     vocc_cross(v, w, u);
 }
 
-/* A box around the points whose third axis is their mean normal: thin where
- * they lie in a plane. */
-static void set_box(vocc_beam *b, const double (*normal)[3],
-                    const uint16_t *which, double margin)
-{
-    double axis[3][3], sum[3] = {0.0, 0.0, 0.0}, low[3], high[3], centre[3];
-    const double none[3] = {0.0, 0.0, 0.0};
-    const double first[3] = {(double)b->point[0][0], (double)b->point[1][0],
-                             (double)b->point[2][0]};
-    size_t i;
-    int k, j;
-    float reach = 0.0f;
-    for (i = 0; i < b->count; i++)
-        for (k = 0; k < 3; k++)
-            sum[k] += normal[which[i]][k];
-    if (!unit(sum, axis[2])) {
-        axis[2][0] = axis[2][1] = 0.0;
-        axis[2][2] = 1.0;
-    }
-    frame_around(axis[2], none, axis[0], axis[1]);
-    for (j = 0; j < 3; j++)
-        low[j] = high[j] = 0.0;
-    for (i = 1; i < b->count; i++)
-        for (j = 0; j < 3; j++) {
-            const double x = ((double)b->point[0][i] - first[0]) * axis[j][0] +
-                             ((double)b->point[1][i] - first[1]) * axis[j][1] +
-                             ((double)b->point[2][i] - first[2]) * axis[j][2];
-            low[j] = x < low[j] ? x : low[j];
-            high[j] = x > high[j] ? x : high[j];
-        }
-    for (k = 0; k < 3; k++) {
-        centre[k] = first[k];
-        for (j = 0; j < 3; j++)
-            centre[k] += 0.5 * (low[j] + high[j]) * axis[j][k];
-        b->centre[k] = (float)centre[k];
-    }
-    for (j = 0; j < 3; j++)
-        for (k = 0; k < 3; k++) {
-            /* The axes, and the centre, are rounded. */
-            b->axis[j][k] =
-                (float)((0.5 * (high[j] - low[j]) * (1.0 + 0x1p-20) + margin) *
-                        axis[j][k]);
-            reach += vocc_absf(b->axis[j][k]);
-        }
-    b->reach = reach;
-}
-
 int vocc_beam_limits(vocc_beam *b, const double reach[3],
                      const vocc_target *target)
 {
@@ -134,22 +87,46 @@ int vocc_beam_limits(vocc_beam *b, const double reach[3],
     return size <= MAX_SIZE && size >= MIN_SIZE;
 }
 
-void vocc_beam_set_points(vocc_beam *b, const double (*normal)[3],
-                          const uint16_t *which)
+/* A box around the points whose third axis is their mean normal: thin where
+ * they lie in a plane. */
+void vocc_beam_set_points(vocc_beam *b, const vocc_beam_kernels *kernels,
+                          const double (*normal)[3], const uint16_t *which)
 {
+    /* The axes, the coordinates along them and the centre are rounded. */
+    const double margin = 0x1p-21 * (double)b->size;
+    const double none[3] = {0.0, 0.0, 0.0};
+    double axis[3][3], sum[3] = {0.0, 0.0, 0.0};
+    float rounded[3][3], low[3], high[3], reach = 0.0f;
     size_t i;
-    int k;
-    for (k = 0; k < 3; k++) {
-        float low = b->point[k][0], high = low;
-        for (i = 1; i < b->count; i++) {
-            const float x = b->point[k][i];
-            low = x < low ? x : low;
-            high = x > high ? x : high;
-        }
-        b->lower[k] = low;
-        b->upper[k] = high;
+    int k, j;
+    for (i = 0; i < b->count; i++)
+        for (k = 0; k < 3; k++)
+            sum[k] += normal[which[i]][k];
+    if (!unit(sum, axis[2])) {
+        axis[2][0] = axis[2][1] = 0.0;
+        axis[2][2] = 1.0;
     }
-    set_box(b, normal, which, 0x1p-22 * (double)b->size);
+    frame_around(axis[2], none, axis[0], axis[1]);
+    for (j = 0; j < 3; j++)
+        for (k = 0; k < 3; k++)
+            rounded[j][k] = (float)axis[j][k];
+    for (k = 0; k < 3; k++)
+        for (i = b->count; i % VOCC_WIDE; i++)
+            b->point[k][i] = b->point[k][0];
+    kernels->measure(b, rounded, low, high);
+    for (k = 0; k < 3; k++) {
+        double centre = (double)b->point[k][0];
+        for (j = 0; j < 3; j++) {
+            const double x = 0.5 * ((double)low[j] + (double)high[j]),
+                         half = 0.5 * ((double)high[j] - (double)low[j]);
+            centre += x * axis[j][k];
+            b->axis[j][k] =
+                (float)((half * (1.0 + 0x1p-19) + margin) * axis[j][k]);
+            reach += vocc_absf(b->axis[j][k]);
+        }
+        b->centre[k] = (float)centre;
+    }
+    b->reach = reach;
 }
 
 /* Corner i & 1 << j of the target's hull is at the end of axis j. */
@@ -161,8 +138,7 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
                  slack = target->slack + 0x1p-22 * (double)b->size;
     /* From a point no triangle is farther than sqrt(3) times 2 size. */
     const double length = target->is_direction ? 4.0 * (double)b->size : 1.0;
-    double reach = slack, lower[3], upper[3], end_lower[3], end_upper[3],
-           width = 0.0;
+    double reach = slack, end_lower[3], end_upper[3], width = 0.0;
     int j, k;
     for (k = 0; k < 3; k++) {
         const double corner = (double)target->corner[0][k];
@@ -224,126 +200,7 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
             inverse(most_upper + margin - (double)b->slice_upper[k]);
         b->way[k] = (float)(0.5 * (least + most));
         b->way_half[k] = up(0.5 * (most - least) + 0x1p-22 * (double)b->size);
-        lower[k] = base_lower;
-        upper[k] = base_upper;
     }
-    {
-        vocc_target part = *target;
-        memcpy(part.lower, end_lower, sizeof part.lower);
-        memcpy(part.upper, end_upper, sizeof part.upper);
-        vocc_shaft_slices(&b->slices, lower, upper, length, &part);
-    }
-}
-
-/* ---- occluders -------------------------------------------------------------
- */
-
-/* Nodes that a search may look at. */
-enum { SEARCH_STEPS = 96 };
-
-typedef struct finding {
-    const vocc_opaque **boxes;
-    int count;
-    int32_t region;
-} finding;
-
-/* Notes a box; whether it holds a slice. */
-static int note_box(const vocc_beam *b, const vocc_opaque *box, finding *f)
-{
-    int i;
-    if (box->region == f->region)
-        return 0;
-    for (i = 0; i < f->count; i++)
-        if (f->boxes[i] == box)
-            return 0;
-    if (f->count < VOCC_BEAM_BOXES)
-        f->boxes[f->count++] = box;
-    return vocc_shaft_within(&b->slices, box->lower, box->upper);
-}
-
-/* Front to back along the segment from the middle of the points to that of the
- * light, but `u` and `v` half axes beside.  It need not be exact: what it finds
- * is checked. */
-static const vocc_opaque *find_along(const vocc_beam *b, double u, double v,
-                                     finding *f)
-{
-    const vocc_tree *tree = b->tree;
-    struct {
-        uint32_t node;
-        double from, to;
-    } stack[VOCC_MAX_DEPTH + 1];
-    double org[3], inverse_way[3], from = 0.0, to = 1.0;
-    int depth = 0, steps = 0, k;
-    uint32_t node = 0;
-    for (k = 0; k < 3; k++) {
-        const vocc_shaft *s = &b->slices;
-        double way = 0.5 * (s->lower_step[k] + s->upper_step[k]), x, y;
-        way += u * (double)b->end_axis[0][k] + v * (double)b->end_axis[1][k];
-        org[k] = 0.5 * (s->lower[k] + s->upper[k]);
-        if (vocc_abs(way) < 1e-30)
-            way = 1e-30;
-        inverse_way[k] = 1.0 / way;
-        x = ((double)tree->lower[k] - org[k]) * inverse_way[k];
-        y = ((double)tree->upper[k] - org[k]) * inverse_way[k];
-        from = larger(from, x < y ? x : y);
-        to = to < (x < y ? y : x) ? to : (x < y ? y : x);
-    }
-    if (!(from <= to))
-        return NULL;
-    for (;;) {
-        const vocc_node n = tree->nodes[node];
-        if (++steps > SEARCH_STEPS)
-            return NULL;
-        if (!vocc_is_leaf(n)) {
-            const unsigned axis = vocc_axis(n);
-            const double t =
-                ((double)n.at.split_pos - org[axis]) * inverse_way[axis];
-            const uint32_t below = vocc_children(n);
-            const unsigned above_first = inverse_way[axis] < 0.0;
-            if (t >= to) {
-                node = below + above_first;
-            } else if (t <= from) {
-                node = below + !above_first;
-            } else {
-                stack[depth].node = below + !above_first;
-                stack[depth].from = t;
-                stack[depth++].to = to;
-                node = below + above_first;
-                to = t;
-            }
-            continue;
-        }
-        if (vocc_label_of(n) == VOCC_OPAQUE) {
-            const vocc_opaque *box = &tree->opaque[n.at.first];
-            if (box->grown >= 0)
-                box = &tree->grown[box->grown];
-            if (note_box(b, box, f))
-                return box;
-        }
-        if (!depth)
-            return NULL;
-        node = stack[--depth].node;
-        from = stack[depth].from;
-        to = stack[depth].to;
-    }
-}
-
-const vocc_opaque *
-vocc_beam_find_boxes(const vocc_beam *b, int32_t region,
-                     const vocc_opaque *boxes[VOCC_BEAM_BOXES], int *count)
-{
-    static const double at[5][2] = {
-        {0.0, 0.0}, {-0.6, -0.6}, {0.6, 0.6}, {-0.6, 0.6}, {0.6, -0.6}};
-    const vocc_opaque *found = NULL;
-    finding f;
-    int i;
-    f.boxes = boxes;
-    f.count = 0;
-    f.region = region;
-    for (i = 0; i < 5 && !found && region >= 0 && b->tree->node_count; i++)
-        found = find_along(b, at[i][0], at[i][1], &f);
-    *count = f.count;
-    return found;
 }
 
 const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa)

@@ -34,6 +34,7 @@ enum {
     VOCC_BEAM_RAYS = 256, /* tested together */
     VOCC_BEAM_BLOCKS = VOCC_BEAM_RAYS / VOCC_WIDE,
     VOCC_BEAM_LIST = 256, /* boxes; what has no room stays in its parent */
+    VOCC_BEAM_BOXES = 64,
     VOCC_BEAM_STACK = VOCC_WIDE * VOCC_BVH_DEPTH
 };
 
@@ -45,6 +46,13 @@ typedef struct vocc_beam_list {
     float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
     uint32_t child[VOCC_BEAM_LIST + VOCC_WIDE];
 } vocc_beam_list;
+
+/* Occluders that a beam meets; if there are more, the first. */
+typedef struct vocc_beam_boxes {
+    int count;
+    float lower[3][VOCC_BEAM_BOXES + VOCC_WIDE];
+    float upper[3][VOCC_BEAM_BOXES + VOCC_WIDE];
+} vocc_beam_boxes;
 
 typedef struct vocc_beam {
     const vocc_tree *tree;
@@ -73,7 +81,6 @@ typedef struct vocc_beam {
     /* Slices: at t = 0, and 1 / (what is added until t = 1). */
     float slice_lower[3], slice_upper[3], step_lower[3], step_upper[3];
     float way[3], way_half[3]; /* bounds of all directions */
-    vocc_shaft slices;         /* for occluders */
 
     uint32_t stack[VOCC_BEAM_STACK];
 
@@ -104,6 +111,13 @@ typedef struct vocc_beam_rays {
     int touching; /* set if an origin may lie on a triangle that was tested */
 } vocc_beam_rays;
 
+/* Some samples of a jittered pattern (sampler.h) in an order of their own. */
+typedef struct vocc_strata {
+    uint32_t count, sample[VOCC_BEAM_RAYS];
+    float column[VOCC_BEAM_RAYS], row[VOCC_BEAM_RAYS];
+    float width, height; /* of a stratum */
+} vocc_strata;
+
 typedef struct vocc_beam_kernels {
     /* Whether the beam meets any triangle of the hierarchy. */
     int (*meets_any)(vocc_beam *beam);
@@ -115,10 +129,25 @@ typedef struct vocc_beam_kernels {
      * from which any of their triangles may be met.  Clusters that no point may
      * meet are taken off. */
     uint64_t (*sieve)(vocc_beam *beam, vocc_beam_list *list);
+    /* Bounds of the points: `lower` and `upper`, and from the first point along
+     * three axes. */
+    void (*measure)(vocc_beam *beam, float (*axis)[3], float low[3],
+                    float high[3]);
+    /* Directions from org to the samples of strata on a rectangle, as
+     * vocc_sample and vocc_aim_ray. */
+    void (*jitter)(const vocc_strata *strata, uint32_t key,
+                   const float corner[3], const float edge_u[3],
+                   const float edge_v[3], const float org[3], float *x,
+                   float *y, float *z);
     /* Sets from, inverse, moment, norm. */
     void (*prepare)(const vocc_beam *beam, vocc_beam_rays *rays);
-    /* Clears the bits of segments that pass through an occluder. */
-    void (*block_by_boxes)(const vocc_opaque *const *boxes, int count,
+    /* Whether one of the occluders (NULL: of all those of another region than
+     * `region`, that of all ends) holds a whole slice: all is dark; it is then
+     * the only one in `to`.  Else `to` gets those that the beam meets. */
+    int (*hold)(const vocc_beam *beam, const vocc_beam_boxes *from,
+                int32_t region, vocc_beam_boxes *to);
+    /* Clears the bits of segments that pass through one of the first `most`. */
+    void (*block_by_boxes)(const vocc_beam_boxes *boxes, int most,
                            vocc_beam_rays *rays);
     /* Clears the bits of segments that cross a triangle below the list. */
     void (*block)(vocc_beam *beam, const vocc_beam_list *list,
@@ -133,6 +162,7 @@ VOCC_INTERNAL int vocc_beam_limits(vocc_beam *beam, const double reach[3],
 /* Sets up the points: beam->point, count; normal[which[i]] is that of point i.
  */
 VOCC_INTERNAL void vocc_beam_set_points(vocc_beam *beam,
+                                        const vocc_beam_kernels *kernels,
                                         const double (*normal)[3],
                                         const uint16_t *which);
 
@@ -141,15 +171,6 @@ VOCC_INTERNAL void vocc_beam_set_points(vocc_beam *beam,
  * vocc_beam_set_points. */
 VOCC_INTERNAL void vocc_beam_set_end(vocc_beam *beam, const vocc_target *target,
                                      const double low[2], const double high[2]);
-
-enum { VOCC_BEAM_BOXES = 16 };
-
-/* Collects occluders of another region than `region`, that of all ends, along
- * some segments of the beam.  Returns one that holds a whole slice: all is
- * dark; or NULL. */
-VOCC_INTERNAL const vocc_opaque *
-vocc_beam_find_boxes(const vocc_beam *beam, int32_t region,
-                     const vocc_opaque *boxes[VOCC_BEAM_BOXES], int *count);
 
 /* For an isa that is there (vocc_isa_choose). */
 VOCC_INTERNAL const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa);

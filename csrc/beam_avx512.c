@@ -1,6 +1,7 @@
 /* Beams in AVX-512. */
 #include "beam.h"
 #include "lanes.h"
+#include "sampler.h"
 #include "triangle.h"
 #include "vec3.h"
 

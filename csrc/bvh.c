@@ -96,7 +96,7 @@ static double best_plane(const item *items, size_t count, int axis, float low,
     bin bins[BINS];
     box upper[BINS], sum;
     size_t i, n;
-    double best = INFINITY;
+    double best = (double)INFINITY;
     const float scale = (float)BINS * (1.0f - 0x1p-20f) / (high - low);
     int b;
     for (b = 0; b < BINS; b++) {
@@ -184,7 +184,7 @@ static size_t split(item *items, size_t count, int depth)
 {
     box centres;
     size_t i, below = count / 2, units;
-    double best = INFINITY;
+    double best = (double)INFINITY;
     int axis = 0, k, widest = 0;
     box_none(&centres);
     for (i = 0; i < count; i++) {
@@ -404,6 +404,35 @@ static int fit(const vocc_allocator *allocator, void **items, size_t count,
     return 1;
 }
 
+/* The grown occluders, coordinate by coordinate. */
+static int copy_boxes(const vocc_allocator *allocator, const vocc_tree *tree,
+                      vocc_bvh *bvh)
+{
+    const size_t room = tree->grown_count + VOCC_WIDE;
+    float *values = vocc_allocate(allocator, room, 6 * sizeof *values);
+    size_t i;
+    int k;
+    bvh->box_lower[0] = values;
+    bvh->box_region = vocc_allocate(allocator, room, sizeof *bvh->box_region);
+    if (!values || !bvh->box_region)
+        return 0;
+    bvh->box_count = tree->grown_count;
+    for (k = 0; k < 3; k++) {
+        bvh->box_lower[k] = values + (size_t)k * room;
+        bvh->box_upper[k] = values + (size_t)(3 + k) * room;
+    }
+    for (i = 0; i < room && tree->grown_count; i++) {
+        const vocc_opaque *o =
+            &tree->grown[i < tree->grown_count ? i : tree->grown_count - 1];
+        for (k = 0; k < 3; k++) {
+            bvh->box_lower[k][i] = o->lower[k];
+            bvh->box_upper[k][i] = o->upper[k];
+        }
+        bvh->box_region[i] = o->region;
+    }
+    return 1;
+}
+
 int vocc_bvh_build(const vocc_allocator *allocator, const vocc_tree *tree,
                    const vocc_solids *solids, vocc_bvh *bvh)
 {
@@ -438,6 +467,7 @@ int vocc_bvh_build(const vocc_allocator *allocator, const vocc_tree *tree,
     }
     vocc_release(allocator, b.pairs);
     vocc_release(allocator, b.items);
+    ok = ok && copy_boxes(allocator, tree, bvh);
     if (!ok)
         vocc_bvh_free(allocator, bvh);
     return ok;
@@ -447,5 +477,7 @@ void vocc_bvh_free(const vocc_allocator *allocator, vocc_bvh *bvh)
 {
     vocc_release(allocator, bvh->nodes);
     vocc_release(allocator, bvh->clusters);
+    vocc_release(allocator, bvh->box_lower[0]);
+    vocc_release(allocator, bvh->box_region);
     memset(bvh, 0, sizeof *bvh);
 }

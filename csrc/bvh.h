@@ -37,6 +37,11 @@ typedef struct vocc_bvh {
     size_t node_count;
     vocc_cluster *clusters;
     size_t cluster_count;
+    /* The tree's grown occluders, 16 to be looked at together: the last are
+     * repeated. */
+    size_t box_count;
+    float *box_lower[3], *box_upper[3];
+    int32_t *box_region;
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which

@@ -22,7 +22,8 @@ enum {
     GROUP = 64,             /* points */
     STORE = 8192,           /* segments of a group */
     CHUNK = VOCC_BEAM_RAYS, /* samples of a point at a time */
-    BOXES = 4,
+    RECENT = VOCC_WIDE,
+    BOXES = 32, /* that single segments are tested against */
     SHORT_LIST = 12,
     MAX_GRID = 8,
     CELLS = MAX_GRID * MAX_GRID,
@@ -47,8 +48,7 @@ typedef struct lit_tile {
     int pending_count;
     range uncertain[VOCC_TILE_POINTS / GROUP]; /* not known to be outside */
     int uncertain_count;
-    const vocc_opaque *boxes[BOXES]; /* that made groups dark last */
-    int box_count;
+    vocc_beam_boxes recent; /* occluders that made groups dark last */
 } lit_tile;
 
 /* The segments of a group, point by point, and by the cell of the light that
@@ -70,6 +70,7 @@ typedef struct cell_order {
     uint16_t place[CHUNK], start[CELLS + 1];
     uint8_t cell[CHUNK]; /* of each sample */
     double low[CELLS][2], high[CELLS][2];
+    vocc_strata strata; /* in the order of `place` */
 } cell_order;
 
 struct vocc_beam_room {
@@ -81,10 +82,9 @@ struct vocc_beam_room {
     cell_order rectangle, whole; /* of rectangles, and of other lights */
     const cell_order *order;     /* of the light */
     lit_tile lights[LIGHTS];
-    uint8_t outside[VOCC_TILE_POINTS];         /* points surely in region 0 */
-    const vocc_opaque *boxes[VOCC_BEAM_BOXES]; /* near the group's beam */
-    int box_count;
-    vocc_worker checker; /* traces again for `verify` */
+    uint8_t outside[VOCC_TILE_POINTS]; /* points surely in region 0 */
+    vocc_beam_boxes boxes[LEVELS + 1]; /* occluders that beams meet */
+    vocc_worker checker;               /* traces again for `verify` */
     vocc_beam_mismatch mismatch;
 };
 
@@ -341,33 +341,31 @@ static void make_order(const vocc_pattern *pattern, uint32_t first,
     memcpy(next, order->start, sizeof next);
     for (i = 0; i < count; i++)
         order->place[next[order->cell[i]]++] = (uint16_t)i;
+    order->strata.count = count;
+    order->strata.width = pattern->width;
+    order->strata.height = pattern->height;
+    for (i = 0; i < count; i++) {
+        const vocc_place *p = &pattern->places[first + order->place[i]];
+        order->strata.sample[i] = p->sample;
+        order->strata.column[i] = p->column;
+        order->strata.row[i] = p->row;
+    }
 }
 
 /* The segments of a point to a light whose cells are the same at all points, if
  * all of them are to be decided. */
 static uint32_t store_fixed(const beaming *w, int number, uint16_t which,
-                            uint32_t first, uint32_t count, uint32_t at)
+                            uint32_t count, uint32_t at)
 {
     const vocc_lighting *g = w->g;
     segments *s = &w->room->store;
     const cell_order *order = w->room->order;
-    const float *const point = g->t->point[which];
     const vocc_emitter *e = g->light;
-    const vocc_place *places = g->s->pattern.places + first;
-    const uint32_t id = g->t->id[which], light = (uint32_t)g->number;
-    float a[CHUNK], b[CHUNK];
-    uint32_t i;
-    int k, c;
-    for (i = 0; i < count; i++)
-        vocc_sample_jitter(&g->s->pattern, id, light, &places[order->place[i]],
-                           &a[i], &b[i]);
-    for (k = 0; k < 3; k++) {
-        const float p = e->position[k], u = e->edge_u[k], v = e->edge_v[k],
-                    o = point[k];
-        float *const dir = s->dir[k] + at;
-        for (i = 0; i < count; i++)
-            dir[i] = ((p + a[i] * u) + b[i] * v) - o;
-    }
+    int c;
+    w->kernels->jitter(&order->strata,
+                       g->t->id[which] * 2048u + (uint32_t)g->number * 256u,
+                       e->position, e->edge_u, e->edge_v, g->t->point[which],
+                       s->dir[0] + at, s->dir[1] + at, s->dir[2] + at);
     memcpy(s->sample + at, order->place, count * sizeof *s->sample);
     for (c = 0; c <= order->cells; c++)
         s->start[number][c] = at + order->start[c];
@@ -442,7 +440,7 @@ static void fill_store(const beaming *w, range r, uint32_t first,
     for (i = 0; i < r.count; i++)
         at =
             order->is_fixed && !w->g->s->blocked && !w->light->is_part[which[i]]
-                ? store_fixed(w, i, which[i], first, count, at)
+                ? store_fixed(w, i, which[i], count, at)
                 : store_sorted(w, i, which[i], first, count, at);
     memset(room->store.blocked, 0, at);
 }
@@ -518,7 +516,7 @@ static void set_points(const beaming *w, range r)
     for (i = 0; i < r.count; i++)
         for (k = 0; k < 3; k++)
             b->point[k][i] = t->point[which[i]][k];
-    vocc_beam_set_points(b, t->normal, which);
+    vocc_beam_set_points(b, w->kernels, t->normal, which);
 }
 
 static range part_of(range r, int i, int parts)
@@ -563,39 +561,29 @@ static vocc_status find_lit(const beaming *w, range r)
     return vocc_shadow_poll(w->g, r.count);
 }
 
-/* Whether one of the occluders that made the last groups dark stops the whole
- * beam. */
-static int is_dark(const beaming *w)
+/* Whether an occluder stops the whole beam: one of those that did so last, or
+ * of `from` (NULL: all).  If not, *to are those that it meets. */
+static int is_dark(const beaming *w, const vocc_beam_boxes *from,
+                   vocc_beam_boxes *to)
 {
     const vocc_beam *b = &w->room->beam;
-    lit_tile *l = w->light;
-    int i;
-    for (i = 0; i < l->box_count; i++) {
-        const vocc_opaque *box = l->boxes[i];
-        if (vocc_shaft_within(&b->slices, box->lower, box->upper)) {
-            memmove(l->boxes + 1, l->boxes, (size_t)i * sizeof *l->boxes);
-            l->boxes[0] = box;
-            return 1;
-        }
-    }
-    return 0;
-}
-
-/* Looks for one. */
-static int find_dark(const beaming *w)
-{
-    lit_tile *l = w->light;
-    const vocc_opaque *box = NULL;
-    w->room->box_count = 0;
-    if (w->g->s->query.options.occluders)
-        box = vocc_beam_find_boxes(&w->room->beam, l->target.region,
-                                   w->room->boxes, &w->room->box_count);
-    if (!box)
+    vocc_beam_boxes *recent = &w->light->recent;
+    const int32_t region = w->light->target.region;
+    int k, n;
+    to->count = 0;
+    if (region < 0 || !w->g->s->query.options.occluders)
         return 0;
-    l->box_count = l->box_count < BOXES ? l->box_count + 1 : BOXES;
-    memmove(l->boxes + 1, l->boxes,
-            (size_t)(l->box_count - 1) * sizeof *l->boxes);
-    l->boxes[0] = box;
+    if (!from && w->kernels->hold(b, recent, region, to))
+        return 1;
+    if (!w->kernels->hold(b, from, region, to))
+        return 0;
+    n = recent->count < RECENT ? recent->count++ : RECENT - 1;
+    for (k = 0; k < 3; k++) {
+        recent->lower[k][n] = recent->lower[k][0];
+        recent->upper[k][n] = recent->upper[k][0];
+        recent->lower[k][0] = to->lower[k][0];
+        recent->upper[k][0] = to->upper[k][0];
+    }
     return 1;
 }
 
@@ -635,7 +623,8 @@ static int count_blocked(const vocc_beam_rays *r, int first)
 
 /* Segments that are few enough: one by one. */
 static vocc_status test_rays(const beaming *w, const part *p,
-                             const vocc_beam_list *list)
+                             const vocc_beam_list *list,
+                             const vocc_beam_boxes *boxes)
 {
     vocc_beam_room *room = w->room;
     vocc_beam *b = &room->beam;
@@ -665,8 +654,7 @@ static vocc_status test_rays(const beaming *w, const part *p,
         r->open[i / VOCC_WIDE] =
             (uint16_t)(n - i < VOCC_WIDE ? (1u << (n - i)) - 1u : 0xFFFFu);
     w->kernels->prepare(b, r);
-    if (room->box_count)
-        w->kernels->block_by_boxes(room->boxes, room->box_count, r);
+    w->kernels->block_by_boxes(boxes, BOXES, r);
     for (i = 0; i < n; i += VOCC_WIDE) {
         any |= r->open[i / VOCC_WIDE];
         w->counters->beam_box_rays += (uint64_t)count_blocked(r, i);
@@ -752,14 +740,14 @@ static vocc_status decide_part(const beaming *w, part p, int level,
         w->counters->beam_lit_rays += rays;
         return VOCC_OK;
     }
-    if (is_dark(w)) {
+    if (is_dark(w, &room->boxes[level - 1], &room->boxes[level])) {
         w->counters->beam_dark_rays += rays;
         mark_dark(&room->store, &p);
         return VOCC_OK;
     }
     /* A cell at one point has no more. */
     if (rays <= VOCC_BEAM_RAYS)
-        return test_rays(w, &p, list);
+        return test_rays(w, &p, list, &room->boxes[level]);
     if (p.cells == 1 ||
         (p.points.count > 1 && points_are_wider(w, list->near))) {
         const int parts = p.points.count > 4 ? 4 : p.points.count;
@@ -827,8 +815,6 @@ static vocc_status decide(const beaming *w, range r)
     w->counters->beams++;
     set_points(w, r);
     vocc_beam_set_end(b, &w->light->target, no_low, all_high);
-    if (is_dark(w))
-        return settle(w, r, 1, &w->counters->beam_dark_rays);
     b->exits = w->light->target.region == 0;
     for (i = 0; i < r.count; i++)
         b->exits &= room->outside[w->light->which[r.first + i]];
@@ -852,7 +838,7 @@ static vocc_status decide(const beaming *w, range r)
             vocc_beam_set_end(b, &w->light->target, no_low, all_high);
         }
     }
-    if (find_dark(w))
+    if (is_dark(w, NULL, &room->boxes[0]))
         return settle(w, r, 1, &w->counters->beam_dark_rays);
     for (first = 0; first < samples && status == VOCC_OK; first += count) {
         part p;
@@ -921,7 +907,7 @@ static vocc_status begin(beaming *w, size_t l)
     vocc_shadow_begin_light(g, l);
     light->target = g->target;
     light->count = 0;
-    light->pending_count = light->uncertain_count = light->box_count = 0;
+    light->pending_count = light->uncertain_count = light->recent.count = 0;
     while (lit < g->lit_count || parts < g->part_count) {
         const int is_part =
             lit == g->lit_count ||

@@ -37,7 +37,9 @@ static double set_points(vocc_shaft *s, const float (*point)[3],
     return size;
 }
 
-void vocc_shaft_slices(vocc_shaft *s, const double lower[3],
+/* The slices: from the box of the points to the target, or `length` along its
+ * directions. */
+static void set_slices(vocc_shaft *s, const double lower[3],
                        const double upper[3], double length,
                        const vocc_target *target)
 {
@@ -74,7 +76,7 @@ int vocc_shaft_init(vocc_shaft *s, const vocc_tree *tree,
     int i, k;
     s->corners = target->corners;
     s->is_direction = target->is_direction;
-    vocc_shaft_slices(s, lower, upper, length, target);
+    set_slices(s, lower, upper, length, target);
     for (k = 0; k < 3; k++) {
         const double end = larger(vocc_abs(length * target->lower[k]),
                                   vocc_abs(length * target->upper[k]));

@@ -70,12 +70,6 @@ typedef struct vocc_shaft_walk {
     vocc_opaque boxes[VOCC_SHAFT_BOXES];
 } vocc_shaft_walk;
 
-/* Sets up the slices only: from the box of the points to the target, or
- * `length` along its directions. */
-VOCC_INTERNAL void vocc_shaft_slices(vocc_shaft *shaft, const double lower[3],
-                                     const double upper[3], double length,
-                                     const vocc_target *target);
-
 /* Sets up the shaft from `count` points (1 to VOCC_SHAFT_POINTS), numbers
  * which[] of point[].  Returns 0 if the values are outside the range that the
  * bounds are proven for. */

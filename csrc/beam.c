@@ -1,4 +1,5 @@
 #include "beam.h"
+#include "frame.h"
 #include "vec3.h"
 
 #include <math.h>
@@ -38,38 +39,6 @@ static float inverse(double step)
                                       : x);
 }
 
-/* Unit length; 0 if there is no direction. */
-static int unit(const double in[3], double out[3])
-{
-    const double length = sqrt(vocc_dot(in, in));
-    int k;
-    if (!(length > 0x1p-300 && length < 0x1p300))
-        return 0;
-    for (k = 0; k < 3; k++)
-        out[k] = in[k] / length;
-    return 1;
-}
-
-/* Two unit vectors at right angles to w, the first as near to `near` as can
- * be. */
-static void frame_around(const double w[3], const double near[3], double u[3],
-                         double v[3])
-{
-    double c[3];
-    int k, smallest = 0;
-    vocc_cross(w, near, c);
-    if (!unit(c, v)) {
-        double axis[3] = {0.0, 0.0, 0.0};
-        for (k = 1; k < 3; k++)
-            if (vocc_abs(w[k]) < vocc_abs(w[smallest]))
-                smallest = k;
-        axis[smallest] = 1.0;
-        vocc_cross(w, axis, c);
-        (void)unit(c, v);
-    }
-    vocc_cross(v, w, u);
-}
-
 int vocc_beam_limits(vocc_beam *b, const double reach[3],
                      const vocc_target *target)
 {
@@ -94,7 +63,6 @@ void vocc_beam_set_points(vocc_beam *b, const vocc_beam_kernels *kernels,
 {
     /* The axes, the coordinates along them and the centre are rounded. */
     const double margin = 0x1p-21 * (double)b->size;
-    const double none[3] = {0.0, 0.0, 0.0};
     double axis[3][3], sum[3] = {0.0, 0.0, 0.0};
     float rounded[3][3], low[3], high[3], reach = 0.0f;
     size_t i;
@@ -102,11 +70,11 @@ void vocc_beam_set_points(vocc_beam *b, const vocc_beam_kernels *kernels,
     for (i = 0; i < b->count; i++)
         for (k = 0; k < 3; k++)
             sum[k] += normal[which[i]][k];
-    if (!unit(sum, axis[2])) {
+    if (!vocc_normalize(sum, axis[2])) {
         axis[2][0] = axis[2][1] = 0.0;
         axis[2][2] = 1.0;
     }
-    frame_around(axis[2], none, axis[0], axis[1]);
+    vocc_make_frame(axis[2], axis[0], axis[1]);
     for (j = 0; j < 3; j++)
         for (k = 0; k < 3; k++)
             rounded[j][k] = (float)axis[j][k];
@@ -153,7 +121,13 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
             b->end_axis[j][k] = (float)axis;
             half += vocc_abs(axis);
             reach += vocc_abs(axis);
+            if (j < 2)
+                b->far_axis[j][k] = (float)(length * axis);
+            else
+                b->far_rest[k] = up(length * (slack + vocc_abs(axis)) +
+                                    0x1p-20 * (double)b->size);
         }
+        b->far_middle[k] = (float)(length * centre);
         width = larger(width, 2.0 * length * half);
         end_lower[k] = larger(centre - half, target->lower[k]);
         end_upper[k] = -larger(-centre - half, -target->upper[k]);
@@ -192,6 +166,8 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
                                                   : end_lower[k] - base_upper,
                      most = target->is_direction ? end_upper[k]
                                                  : end_upper[k] - base_lower;
+        b->far_lower[k] = down(length * end_lower[k]);
+        b->far_upper[k] = up(length * end_upper[k]);
         b->slice_lower[k] = down(base_lower - margin);
         b->slice_upper[k] = up(base_upper + margin);
         b->step_lower[k] =

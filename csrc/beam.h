@@ -28,11 +28,14 @@
 #include "kdtree.h"
 #include "platform.h"
 #include "shaft.h"
+#include "traverse.h"
 
 enum {
     VOCC_BEAM_POINTS = 256,
     VOCC_BEAM_RAYS = 256, /* tested together */
     VOCC_BEAM_BLOCKS = VOCC_BEAM_RAYS / VOCC_WIDE,
+    VOCC_FAN_POINTS = 64,
+    VOCC_FAN_BLOCKS = 16, /* of 16 samples */
     VOCC_BEAM_LIST = 256, /* boxes; what has no room stays in its parent */
     VOCC_BEAM_BOXES = 64,
     VOCC_BEAM_STACK = VOCC_WIDE * VOCC_BVH_DEPTH
@@ -41,7 +44,7 @@ enum {
 /* Boxes that a beam meets, with their nodes and clusters. */
 typedef struct vocc_beam_list {
     int count;
-    float near; /* where the slices meet the first */
+    float near; /* where the slices meet them, on average */
     float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
     float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
     uint32_t child[VOCC_BEAM_LIST + VOCC_WIDE];
@@ -74,6 +77,10 @@ typedef struct vocc_beam {
     int is_direction;
     float end[3];         /* its centre, less `centre` if it is a point */
     float end_axis[3][3]; /* half axes */
+    float far_lower[3], far_upper[3]; /* bounds of the ends at t = 1; of
+                                         directions, less the point */
+    /* The same as a middle, the first two half axes and bounds of the rest. */
+    float far_middle[3], far_axis[2][3], far_rest[3];
     float end_slack, end_reach;
     float end_width; /* of the ends, at t = 1 */
     float twist[3];  /* bounds of |o x x|: o a point, x from `end` to an end */
@@ -88,8 +95,15 @@ typedef struct vocc_beam {
     uint64_t nodes, clusters, ray_tests, exact_tests;
 } vocc_beam;
 
-/* Segments that are tested together: coordinates of the origin are relative to
- * the beam's centre, but for `org`. */
+/* Sixteen beams, as a vocc_beam's slices; bits of those whose steps are
+ * positive. */
+typedef struct vocc_slices {
+    float lower[3][VOCC_WIDE], upper[3][VOCC_WIDE];
+    float step_lower[3][VOCC_WIDE], step_upper[3][VOCC_WIDE];
+    unsigned rising_lower[3], rising_upper[3];
+} vocc_slices;
+
+/* Segments that are tested together. */
 typedef struct vocc_beam_rays {
     int count;
     float tmax;                    /* of all */
@@ -100,16 +114,31 @@ typedef struct vocc_beam_rays {
     float from[3][VOCC_BEAM_RAYS + VOCC_WIDE];    /* org - centre */
     float inverse[3][VOCC_BEAM_RAYS + VOCC_WIDE]; /* 1 / dir */
     float moment[3][VOCC_BEAM_RAYS + VOCC_WIDE];  /* from x dir */
-    /* Beams of 16 segments each, as a vocc_beam's slices; bits of the blocks in
-     * which a step is positive. */
-    float slice_lower[3][VOCC_BEAM_BLOCKS], slice_upper[3][VOCC_BEAM_BLOCKS];
-    float step_lower[3][VOCC_BEAM_BLOCKS], step_upper[3][VOCC_BEAM_BLOCKS];
-    unsigned rising_lower[3], rising_upper[3];
+    vocc_slices slices;                           /* of 16 segments each */
     /* Bits: not known to be blocked. */
     uint16_t open[VOCC_BEAM_BLOCKS];
     unsigned open_blocks; /* those with such a bit */
     int touching; /* set if an origin may lie on a triangle that was tested */
 } vocc_beam_rays;
+
+/* Segments from each of the beam's points to samples in blocks of up to 16,
+ * each in a part of the light of its own. */
+typedef struct vocc_beam_fans {
+    int blocks;
+    float tmax, norm; /* of all: as vocc_beam_rays */
+    /* Blocks along the first two axes of the ends, -1 to 1. */
+    float middle[2][VOCC_WIDE], half[2][VOCC_WIDE];
+    float far_lower[3][VOCC_WIDE], far_upper[3][VOCC_WIDE]; /* their ends */
+    const float *dir[3];
+    float *inverse[3];                   /* room for 1 / dir */
+    vocc_slices slices[VOCC_FAN_POINTS]; /* of blocks, if they are many */
+    uint32_t first[VOCC_FAN_POINTS][VOCC_FAN_BLOCKS]; /* in dir */
+    /* Bits: not known to be blocked. */
+    uint16_t open[VOCC_FAN_POINTS][VOCC_FAN_BLOCKS];
+    uint16_t open_blocks[VOCC_FAN_POINTS];
+    uint64_t open_points;
+    uint64_t touching; /* points that may lie on a triangle that was tested */
+} vocc_beam_fans;
 
 /* Some samples of a jittered pattern (sampler.h) in an order of their own. */
 typedef struct vocc_strata {
@@ -152,6 +181,13 @@ typedef struct vocc_beam_kernels {
     /* Clears the bits of segments that cross a triangle below the list. */
     void (*block)(vocc_beam *beam, const vocc_beam_list *list,
                   vocc_beam_rays *rays);
+    void (*block_fans)(vocc_beam *beam, const vocc_beam_list *list,
+                       const vocc_beam_boxes *boxes, vocc_beam_fans *fans);
+    /* Single rays, tested against occluders or not: sets block->occluded but of
+     * those that the bounds do not hold for; these go to odd[], their number is
+     * returned. */
+    size_t (*trace_rays)(vocc_beam *beam, vocc_block *block, int occluders,
+                         uint16_t *odd);
 } vocc_beam_kernels;
 
 /* The limits that the bounds are proven for: 0 if the tree, the points within

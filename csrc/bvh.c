@@ -369,17 +369,13 @@ static uint32_t make_wide(builder *b, uint32_t top)
 /* ---- the whole --------------------------------------------------------------
  */
 
-static int equal(const float *a, const float *b)
-{
-    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
-}
-
 static size_t load_items(const vocc_tree *tree, item *items)
 {
     size_t i, count = 0;
     for (i = 0; i < tree->triangle_count; i++) {
         const float *c = tree->corners + 9 * i;
-        if (equal(c, c + 3) || equal(c + 3, c + 6) || equal(c + 6, c))
+        if (vocc_equal(c, c + 3) || vocc_equal(c + 3, c + 6) ||
+            vocc_equal(c + 6, c))
             continue;
         items[count].triangle = (uint32_t)i;
         box_none(&items[count].bounds);

@@ -1,4 +1,5 @@
 #include "light.h"
+#include "frame.h"
 #include "status.h"
 #include "trig.h"
 #include "vec3.h"
@@ -33,41 +34,6 @@ static vocc_status round_vector(float out[3], const double in[3],
     return VOCC_OK;
 }
 
-/* Unit length; 0 if it has no direction. */
-static int normalize(const double in[3], double out[3])
-{
-    double largest = 0.0, length;
-    int k, exponent;
-    for (k = 0; k < 3; k++) {
-        if (!(vocc_abs(in[k]) <= DBL_MAX))
-            return 0;
-        largest = vocc_abs(in[k]) > largest ? vocc_abs(in[k]) : largest;
-    }
-    if (largest == 0.0)
-        return 0;
-    (void)frexp(largest, &exponent);
-    for (k = 0; k < 3; k++)
-        out[k] = ldexp(in[k], -exponent);
-    length = sqrt(vocc_dot(out, out));
-    for (k = 0; k < 3; k++)
-        out[k] /= length;
-    return 1;
-}
-
-/* Two unit vectors at right angles to the unit vector w and to each other: Duff
- * et al., "Building an Orthonormal Basis, Revisited", 2017. */
-static void make_frame(const double w[3], double u[3], double v[3])
-{
-    const double sign = w[2] < 0.0 ? -1.0 : 1.0, a = -1.0 / (sign + w[2]),
-                 b = w[0] * w[1] * a;
-    u[0] = 1.0 + sign * w[0] * w[0] * a;
-    u[1] = sign * b;
-    u[2] = -sign * w[0];
-    v[0] = b;
-    v[1] = sign + w[1] * w[1] * a;
-    v[2] = -w[1];
-}
-
 static vocc_status set_direction(vocc_emitter *e, const vocc_light *light,
                                  size_t number, double most, vocc_error *error)
 {
@@ -78,14 +44,14 @@ static vocc_status set_direction(vocc_emitter *e, const vocc_light *light,
                          "lights[%zu].angle is %.10g: it has to be from 0 to "
                          "%.10g radians",
                          number, light->angle, most);
-    if (!normalize(light->direction, e->axis))
+    if (!vocc_normalize(light->direction, e->axis))
         return vocc_fail(error, VOCC_ERROR_INVALID_ARGUMENT, "lights",
                          (int64_t)number, light->direction[0],
                          "lights[%zu].direction is (%g, %g, %g): it has to be "
                          "finite and not 0",
                          number, light->direction[0], light->direction[1],
                          light->direction[2]);
-    make_frame(e->axis, e->axis_u, e->axis_v);
+    vocc_make_frame(e->axis, e->axis_u, e->axis_v);
     vocc_sincos_pi(0.5 * light->angle, &sine, &e->cosine);
     vocc_sincos_pi(0.25 * light->angle, &sine, &unused);
     e->chord = 2.0 * sine;
@@ -238,7 +204,7 @@ vocc_facing vocc_emitter_facing(const vocc_emitter *e, const float point[3],
     double low, high, unit[3];
     int k;
     if (e->type == VOCC_LIGHT_HEMISPHERE)
-        return normalize(n, unit) ? VOCC_FACING_ALL : VOCC_FACING_NONE;
+        return vocc_normalize(n, unit) ? VOCC_FACING_ALL : VOCC_FACING_NONE;
     if (is_cut_off(e, point))
         return VOCC_FACING_NONE;
     if (horizon == VOCC_HORIZON_CENTRE) {
@@ -274,11 +240,11 @@ void vocc_aim_init(vocc_aim *aim, const vocc_emitter *e, const float point[3],
         for (k = 0; k < 3; k++)
             to[k] = e->centre[k] - (double)point[k];
         aim->distance = sqrt(vocc_dot(to, to));
-        if (!normalize(to, aim->axis)) {
+        if (!vocc_normalize(to, aim->axis)) {
             aim->axis[0] = aim->axis[1] = 0.0;
             aim->axis[2] = 1.0;
         }
-        make_frame(aim->axis, aim->axis_u, aim->axis_v);
+        vocc_make_frame(aim->axis, aim->axis_u, aim->axis_v);
         if (e->type == VOCC_LIGHT_SPHERE && aim->distance > e->radius) {
             const double sine = e->radius / aim->distance, square = sine * sine;
             aim->cap = square / (1.0 + sqrt(1.0 - square));
@@ -288,8 +254,8 @@ void vocc_aim_init(vocc_aim *aim, const vocc_emitter *e, const float point[3],
         break;
     }
     case VOCC_LIGHT_HEMISPHERE:
-        normalize(normal, aim->axis);
-        make_frame(aim->axis, aim->axis_u, aim->axis_v);
+        vocc_normalize(normal, aim->axis);
+        vocc_make_frame(aim->axis, aim->axis_u, aim->axis_v);
         break;
     default:
         break;

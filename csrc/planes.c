@@ -2,17 +2,13 @@
 #include "memory.h"
 #include "vec3.h"
 
-static int equal(const float *a, const float *b)
-{
-    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
-}
-
 static void make_plane(const float *c, float plane[4])
 {
     double e1[3], e2[3], n[3], largest = 0.0, products = 0.0, d = 0.0;
     int k;
     plane[0] = plane[1] = plane[2] = plane[3] = 0.0f;
-    if (equal(c, c + 3) || equal(c + 3, c + 6) || equal(c + 6, c)) {
+    if (vocc_equal(c, c + 3) || vocc_equal(c + 3, c + 6) ||
+        vocc_equal(c + 6, c)) {
         plane[3] = 1.0f;
         return;
     }

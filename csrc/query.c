@@ -1,5 +1,6 @@
 #include "query.h"
 #include "array.h"
+#include "beam.h"
 #include "isa.h"
 #include "memory.h"
 #include "shaft.h"
@@ -191,6 +192,10 @@ typedef struct ray_query {
     const vocc_rays *rays;
     const vocc_hits *hits; /* or */
     uint8_t *occluded;
+    /* One a worker; NULL: through the kd-tree. */
+    vocc_beam *beams;
+    int may_group; /* coherent rays through the kd-tree */
+    const vocc_beam_kernels *beam_kernels;
     /* With hits: NULL, or shading points. */
     float *position, *normal;
     double offset;
@@ -344,11 +349,64 @@ static void store_shading_points(const ray_query *q, size_t first,
     }
 }
 
+/* Whether most rays are like their neighbours, so that packets of four of them
+ * stay together in the kd-tree.  One packet in four is looked at. */
+static int is_coherent(const vocc_block *b, float scale)
+{
+    size_t packets = 0, alike = 0, i, j;
+    for (i = 0; i + 4 <= b->count; i += 16) {
+        float reach = 0.0f, apart = 0.0f, turned = 0.0f;
+        int k;
+        for (k = 0; k < 3; k++) {
+            const float d = vocc_absf(b->dir[k][i]);
+            reach = d > reach ? d : reach;
+            for (j = i + 1; j < i + 4; j++) {
+                const float o = vocc_absf(b->org[k][j] - b->org[k][i]),
+                            t = vocc_absf(b->dir[k][j] - b->dir[k][i]);
+                apart = o > apart ? o : apart;
+                turned = t > turned ? t : turned;
+            }
+        }
+        packets++;
+        alike += apart <= scale * 0x1p-6f && turned <= reach * 0x1p-2f;
+    }
+    return alike * 4 >= packets * 3;
+}
+
+/* The rays of the block through the hierarchy. */
+static void trace_wide(const ray_query *q, int worker)
+{
+    const vocc_worker *w = &q->query.workers[worker];
+    vocc_beam *b = &q->beams[worker];
+    vocc_counters *c = &w->tracer->counters;
+    uint16_t odd[VOCC_BLOCK];
+    const uint64_t nodes = b->nodes, clusters = b->clusters,
+                   tests = b->ray_tests, exact = b->exact_tests;
+    const size_t count = q->beam_kernels->trace_rays(
+        b, w->block, q->query.options.occluders, odd);
+    size_t i;
+    for (i = 0; i < count; i++) {
+        w->block->occluded[odd[i]] = 0;
+        if (vocc_is_void(w->block, odd[i]))
+            continue;
+        c->careful_rays++;
+        vocc_trace_careful(w->tracer, w->block, odd[i], 0);
+    }
+    c->rays += w->block->count;
+    for (i = 0; i < w->block->count; i++)
+        c->occluded += w->block->occluded[i];
+    c->beam_nodes += b->nodes - nodes;
+    c->beam_clusters += b->clusters - clusters;
+    c->beam_tests += b->ray_tests - tests;
+    c->exact_tests += b->exact_tests - exact;
+}
+
 static vocc_status trace_rays(void *context, size_t job, int worker,
                               vocc_jobs *jobs)
 {
     ray_query *q = context;
     const vocc_worker *w = &q->query.workers[worker];
+    const float scale = q->query.scene->built.tree.scale;
     size_t first = job * JOB_RAYS, end = first + JOB_RAYS;
     (void)jobs;
     if (end > q->rays->count)
@@ -364,9 +422,39 @@ static vocc_status trace_rays(void *context, size_t job, int worker,
             if (q->position || q->normal)
                 store_shading_points(q, first, w->block);
         } else {
-            q->query.kernels->occluded(w->tracer, w->block);
+            if (q->beams && !(q->may_group && is_coherent(w->block, scale)))
+                trace_wide(q, worker);
+            else
+                q->query.kernels->occluded(w->tracer, w->block);
             memcpy(q->occluded + first, w->block->occluded, w->block->count);
         }
+    }
+    return VOCC_OK;
+}
+
+/* Through the hierarchy, unless the options ask for the kd-tree. */
+static vocc_status make_beams(ray_query *q, const vocc_query_options *asked)
+{
+    const vocc_scene *scene = q->query.scene;
+    int32_t method = asked ? asked->method : VOCC_METHOD_AUTO;
+    int i;
+    q->beams = NULL;
+    q->may_group = method == VOCC_METHOD_AUTO;
+    if (method == VOCC_METHOD_AUTO)
+        method = !asked || (asked->order == VOCC_ORDER_AUTO && asked->packets)
+                     ? VOCC_METHOD_BEAMS
+                     : VOCC_METHOD_RAYS;
+    if (q->hits || method == VOCC_METHOD_RAYS)
+        return VOCC_OK;
+    q->beams = vocc_allocate(&scene->allocator, (size_t)q->query.worker_count,
+                             sizeof *q->beams);
+    if (!q->beams)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    q->beam_kernels = vocc_find_beam_kernels(q->query.options.isa);
+    memset(q->beams, 0, (size_t)q->query.worker_count * sizeof *q->beams);
+    for (i = 0; i < q->query.worker_count; i++) {
+        q->beams[i].tree = &scene->built.tree;
+        q->beams[i].bvh = &scene->built.bvh;
     }
     return VOCC_OK;
 }
@@ -381,7 +469,10 @@ static vocc_status run_rays(const vocc_scene *scene, ray_query *q,
         vocc_query_begin(&q->query, scene, options, jobs, error);
     if (status != VOCC_OK)
         return status;
-    status = vocc_query_run(&q->query, jobs, trace_rays, q);
+    status = make_beams(q, options);
+    if (status == VOCC_OK)
+        status = vocc_query_run(&q->query, jobs, trace_rays, q);
+    vocc_release(&q->query.scene->allocator, q->beams);
     return vocc_query_end(&q->query, status, error);
 }
 

@@ -5,7 +5,7 @@
  * of the light, outside of all solids, and so for all lights: that is what lets
  * the second round look at exits only (beam.h).  There the beam of a group is
  * split, by its points or by the light's cells, whichever is wider where it
- * meets the first box; parts are lit if they meet nothing, dark if a slice lies
+ * meets triangles; parts are lit if they meet nothing, dark if a slice lies
  * inside an occluder; and when few segments are left they are tested. */
 #include "beam.h"
 #include "lanes.h"
@@ -20,11 +20,14 @@
 enum {
     LIGHTS = 8,             /* at a time */
     GROUP = 64,             /* points */
-    STORE = 8192,           /* segments of a group */
+    STORE = 16384,          /* segments of a group */
     CHUNK = VOCC_BEAM_RAYS, /* samples of a point at a time */
     RECENT = VOCC_WIDE,
     BOXES = 32, /* that single segments are tested against */
     SHORT_LIST = 12,
+    /* Fans from points with so many samples each, and clusters not too many. */
+    FAN_SAMPLES = 24,
+    FAN_LIST = 24,
     MAX_GRID = 8,
     CELLS = MAX_GRID * MAX_GRID,
     LEVELS = 7 /* of quartering points and cells, and the group itself */
@@ -57,7 +60,7 @@ typedef struct segments {
     int cells;
     float tmax;
     uint32_t start[GROUP][CELLS + 1];
-    float dir[3][STORE + VOCC_WIDE];
+    float dir[3][STORE + VOCC_WIDE], inverse[3][STORE + VOCC_WIDE];
     uint16_t sample[STORE]; /* place in the pattern, less that of the first */
     uint8_t blocked[STORE];
 } segments;
@@ -77,6 +80,7 @@ struct vocc_beam_room {
     vocc_beam beam;
     vocc_beam_list lists[LEVELS + 1];
     vocc_beam_rays rays;
+    vocc_beam_fans fans;
     uint32_t origin[VOCC_BEAM_RAYS]; /* of each ray, its number in the store */
     segments store;
     cell_order rectangle, whole; /* of rectangles, and of other lights */
@@ -703,7 +707,7 @@ static double widest(const float lower[3], const float upper[3])
 }
 
 /* Whether the beam is wider by its points than by its light, where it meets
- * the first box. */
+ * triangles. */
 static int points_are_wider(const beaming *w, float near)
 {
     const vocc_beam *b = &w->room->beam;
@@ -718,6 +722,112 @@ static int points_are_wider(const beaming *w, float near)
         end = half > end ? half : end;
     }
     return (1.0 - t) * widest(b->lower, b->upper) > t * length * 2.0 * end;
+}
+
+/* Cells to a block of a fan: no more than 16 samples of any point; 0 if blocks
+ * would be too many. */
+static int cells_a_block(const segments *s, const part *p)
+{
+    int step = p->cells, i, c;
+    for (i = p->first; i < p->first + p->points.count; i++) {
+        const uint32_t *const start = s->start[i];
+        for (c = p->cell; c < p->cell + p->cells; c += step)
+            while (start[c + step] - start[c] > VOCC_WIDE) {
+                step /= 2;
+                if (!step || p->cells / step > VOCC_FAN_BLOCKS)
+                    return 0;
+            }
+    }
+    return step;
+}
+
+/* Points with many segments each: one by one. */
+static vocc_status test_fans(const beaming *w, const part *p,
+                             const vocc_beam_list *list,
+                             const vocc_beam_boxes *boxes)
+{
+    vocc_beam_room *room = w->room;
+    vocc_beam *b = &room->beam;
+    vocc_beam_fans *f = &room->fans;
+    segments *s = &room->store;
+    const uint64_t before = b->nodes + b->clusters;
+    const int step = cells_a_block(s, p);
+    double low[2], high[2];
+    int i, j, k;
+    float norm = 0.0f;
+    cells_end(room->order, p->cell, p->cells, low, high);
+    f->blocks = step ? p->cells / step : 0;
+    for (k = 0; k < 2; k++)
+        for (j = 0; j < f->blocks; j++) {
+            double from[2], to[2], a, c, size = high[k] - low[k];
+            cells_end(room->order, p->cell + j * step, step, from, to);
+            a = size > 0.0 ? (2.0 * (from[k] - low[k]) - size) / size : 0.0;
+            c = size > 0.0 ? (2.0 * (to[k] - low[k]) - size) / size : 0.0;
+            f->middle[k][j] = (float)(0.5 * (a + c));
+            f->half[k][j] = (float)(0.5 * (c - a) + 0x1p-20);
+        }
+    for (k = 0; k < 3; k++)
+        for (j = 0; j < f->blocks; j++) {
+            const float m = b->far_middle[k] +
+                            f->middle[0][j] * b->far_axis[0][k] +
+                            f->middle[1][j] * b->far_axis[1][k],
+                        h = f->half[0][j] * vocc_absf(b->far_axis[0][k]) +
+                            f->half[1][j] * vocc_absf(b->far_axis[1][k]) +
+                            b->far_rest[k];
+            f->far_lower[k][j] = m - h;
+            f->far_upper[k][j] = m + h;
+        }
+    f->tmax = s->tmax;
+    for (k = 0; k < 3; k++) {
+        f->dir[k] = s->dir[k];
+        f->inverse[k] = s->inverse[k];
+        norm += vocc_absf(b->way[k]) + b->way_half[k];
+    }
+    f->norm = norm * (1.0f + 0x1p-20f);
+    f->touching = 0;
+    f->open_points = 0;
+    for (i = 0; i < p->points.count; i++) {
+        const uint32_t *const start = s->start[p->first + i];
+        f->open_blocks[i] = 0;
+        for (j = 0; j < f->blocks; j++) {
+            const uint32_t from = start[p->cell + j * step],
+                           n = start[p->cell + (j + 1) * step] - from;
+            f->first[i][j] = from;
+            f->open[i][j] = (uint16_t)((1u << n) - 1u);
+            if (n)
+                f->open_blocks[i] |= (uint16_t)(1u << j);
+        }
+        if (f->open_blocks[i])
+            f->open_points |= (uint64_t)1 << i;
+    }
+    w->kernels->block_fans(b, list, boxes, f);
+    for (i = 0; i < p->points.count; i++) {
+        const uint32_t *const start = s->start[p->first + i];
+        unsigned any = 0;
+        for (j = 0; j < f->blocks; j++) {
+            const uint32_t from = f->first[i][j],
+                           n = start[p->cell + (j + 1) * step] - from;
+            uint32_t m;
+            w->counters->beam_tested_rays += n;
+            any |= f->open[i][j];
+            for (m = 0; m < n; m++)
+                s->blocked[from + m] = !(f->open[i][j] >> m & 1);
+        }
+        if (any && !(f->touching >> i & 1) && w->light->target.region == 0 &&
+            !b->exits)
+            room->outside[w->light->which[p->points.first + i]] = 1;
+    }
+    return vocc_shadow_poll(w->g, (uint64_t)p->points.count / STEPS_LIKE_A_RAY +
+                                      (b->nodes + b->clusters - before));
+}
+
+static int is_clusters(const vocc_beam_list *list)
+{
+    int i;
+    for (i = 0; i < list->count; i++)
+        if (!(list->child[i] & VOCC_IS_CLUSTER))
+            return 0;
+    return 1;
 }
 
 static vocc_status decide_part(const beaming *w, part p, int level,
@@ -745,6 +855,10 @@ static vocc_status decide_part(const beaming *w, part p, int level,
         mark_dark(&room->store, &p);
         return VOCC_OK;
     }
+    if (rays >= (uint32_t)(FAN_SAMPLES * p.points.count) &&
+        list->count <= FAN_LIST && cells_a_block(&room->store, &p) &&
+        (rays <= VOCC_BEAM_RAYS || is_clusters(list)))
+        return test_fans(w, &p, list, &room->boxes[level]);
     /* A cell at one point has no more. */
     if (rays <= VOCC_BEAM_RAYS)
         return test_rays(w, &p, list, &room->boxes[level]);
@@ -777,13 +891,7 @@ static vocc_status decide_part(const beaming *w, part p, int level,
 /* Few clusters and no nodes: it pays to ask for each point. */
 static int is_short(const vocc_beam_list *list)
 {
-    int i;
-    if (list->count > SHORT_LIST)
-        return 0;
-    for (i = 0; i < list->count; i++)
-        if (!(list->child[i] & VOCC_IS_CLUSTER))
-            return 0;
-    return 1;
+    return list->count <= SHORT_LIST && is_clusters(list);
 }
 
 /* Moves the points whose bits are set to the front; how many. */

@@ -1,4 +1,5 @@
 /* Packets of four in NEON: every aarch64. */
+#include "lanes.h"
 #include "shaft.h"
 #include "traverse.h"
 #include "triangle.h"

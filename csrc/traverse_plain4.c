@@ -1,5 +1,6 @@
 /* Packets of four in plain C: what every machine has, and the check of the
  * SIMD kernels. */
+#include "lanes.h"
 #include "shaft.h"
 #include "traverse.h"
 #include "triangle.h"

@@ -1,4 +1,5 @@
 /* One ray at a time. */
+#include "lanes.h"
 #include "shaft.h"
 #include "traverse.h"
 #include "triangle.h"

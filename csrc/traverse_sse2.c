@@ -1,4 +1,5 @@
 /* Packets of four in SSE2: every x86-64. */
+#include "lanes.h"
 #include "shaft.h"
 #include "traverse.h"
 #include "triangle.h"

@@ -16,6 +16,11 @@ VOCC_INLINE double vocc_dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+VOCC_INLINE int vocc_equal(const float a[3], const float b[3])
+{
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
+}
+
 VOCC_INLINE double vocc_abs(double x)
 {
     return x < 0.0 ? -x : x;

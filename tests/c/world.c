@@ -49,7 +49,8 @@ vocc_status add_part(vocc_scene *scene, const mesh *m, int occluder,
 
 vocc_rays rays_view(const ray_set *set, size_t first, size_t count)
 {
-    const oracle_ray *rays = set->rays + first;
+    static const oracle_ray none;
+    const oracle_ray *rays = count ? set->rays + first : &none;
     vocc_rays view;
     view.count = count;
     view.org = rows_of(rays->org, sizeof(*rays), VOCC_FLOAT32);
@@ -114,6 +115,8 @@ void mode_options(const mode *m, vocc_query_options *options)
     if (m->extras & MANY_TRIANGLES)
         options->entry_triangles = 64;
     options->voxels = m->extras & IN_VOXELS ? 6 : 0;
+    if (m->extras & BY_BEAMS)
+        options->method = VOCC_METHOD_BEAMS;
 }
 
 const char *mode_text(const mode *m)
@@ -190,7 +193,8 @@ static int length(const int *list)
 mode_list modes_of(const int *caches, const int *deferments, const int *threads)
 {
     /* A prime number of them: every option meets every other. */
-    static const int extras[11] = {0,
+    static const int extras[13] = {0,
+                                   BY_BEAMS,
                                    BY_DIRECTION,
                                    ENTRY_POINTS,
                                    NO_FUSION | ENTRY_POINTS | MANY_TRIANGLES,
@@ -200,7 +204,8 @@ mode_list modes_of(const int *caches, const int *deferments, const int *threads)
                                    IN_VOXELS | ENTRY_POINTS | NO_FUSION,
                                    NO_FUSION | LAST_TRIANGLE | BY_DIRECTION,
                                    ENTRY_POINTS | LAST_TRIANGLE,
-                                   NO_FUSION | NO_ENTRY_POINTS};
+                                   NO_FUSION | NO_ENTRY_POINTS,
+                                   BY_BEAMS | NO_FUSION};
     mode_list list = {0, NULL};
     int orders[8], order_count = 0, isas[8], isa_count = 0;
     for (int order = VOCC_ORDER_AUTO; order <= VOCC_ORDER_RTSAH; order++)
@@ -223,7 +228,7 @@ mode_list modes_of(const int *caches, const int *deferments, const int *threads)
                                 orders[o],  flags & 1,
                                 *c,         *d,
                                 flags >> 1, isas[i],
-                                *t,         extras[list.count % 11]};
+                                *t,         extras[list.count % 13]};
                             list.modes[list.count++] = m;
                         }
     return list;

@@ -59,7 +59,8 @@ enum {
     ENTRY_POINTS = 8,  /* for lights */
     NO_ENTRY_POINTS = 16,
     MANY_TRIANGLES = 32, /* kept by a search */
-    IN_VOXELS = 64       /* for lights */
+    IN_VOXELS = 64,      /* for lights */
+    BY_BEAMS = 128       /* the hierarchy in place of the tree */
 };
 
 typedef struct mode {

@@ -368,13 +368,19 @@ typedef enum vocc_isa {
     VOCC_ISA_NEON = 5
 } vocc_isa;
 
-/* How vocc_light_visibility finds its answer; it is the same by each. */
+/* How vocc_light_visibility and vocc_occluded find their answer; it is the same
+ * by each. */
 typedef enum vocc_method {
-    VOCC_METHOD_AUTO = 0, /* BEAMS if no option asks for a way of tracing rays
-                             and there are at least 12 rays a triangle */
-    VOCC_METHOD_RAYS = 1, /* each ray by itself, or with its neighbours through
-                             the kd-tree: `order` and the options below it */
-    VOCC_METHOD_BEAMS = 2 /* groups of points and parts of a light at once */
+    /* RAYS if `order` is not AUTO or `packets` is 0; for lights also if
+     * `entry_points`, `voxels` or `point_steps` are set or there are less than
+     * 12 rays a triangle.  Else BEAMS; vocc_occluded takes them for rays that
+     * are not like their neighbours, RAYS for the others. */
+    VOCC_METHOD_AUTO = 0,
+    /* Through the kd-tree, four at a time: `order` and the options below it. */
+    VOCC_METHOD_RAYS = 1,
+    /* Through a hierarchy of 16 children a node: groups of points and parts of
+     * a light at once; the rays of vocc_occluded one by one. */
+    VOCC_METHOD_BEAMS = 2
 } vocc_method;
 
 /* What a query did.  A packet counts once however many lanes it has. */

@@ -52,10 +52,13 @@ class QueryOptions(TypedDict, total=False):
             (default 8).
         voxels: settle points by the voxel that they are in, so many along the longest side of
             the points' bounds, up to 1024; default 0: not. For light_visibility.
-        method: how `light_visibility` finds its answer, which is the same by each: "rays", one
-            by one through the kd-tree; "beams", groups of points and parts of a light at once;
-            "auto" (default): beams, if no option asks for a way of tracing rays and there are
-            at least 12 rays for each triangle. `ambient_occlusion` has no beams yet.
+        method: how `occluded` and `light_visibility` find their answer, which is the same by
+            each. "rays": through the kd-tree. "beams": through a hierarchy of 16 children a
+            node, for lights groups of points and parts of a light at once. "auto" (default):
+            "rays" if an order is given or packets are off, for lights also if entry points,
+            voxels or the steps of points are asked for or there are less than 12 rays for each
+            triangle; else "beams", but for rays that are like their neighbours in `occluded`.
+            `ambient_occlusion` has no beams yet.
         verify: n: `light_visibility` by beams traces one in n of the points of each light again,
             ray by ray without occluders, and raises MismatchError if a count differs; not with
             `blocked`. Default 0: not.

@@ -386,6 +386,8 @@ static void neighbours(void)
                               traced);
                 if (!options.entry_points && !options.voxels)
                     CHECK_INT(counters.entry_searches, 0);
+                if (samples > 4)
+                    continue;
                 sum.entry_searches += counters.entry_searches;
                 sum.entry_lit_rays += counters.entry_lit_rays;
                 sum.entry_dark_rays += counters.entry_dark_rays;

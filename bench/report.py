@@ -248,13 +248,12 @@ def build_table(results: Results) -> str:
             for kind in ("robust", "fast"):
                 found = [b[key]["wall_s"] for b in lines for key in b if key.startswith(kind)]
                 row = [name, f"Embree {kind}", threads, _number(min(found), 3)]
-                rows.append([*row, "", "", "", ""])
-    return table(
-        ["mesh", "", "threads", "wall s", "components", "tree", "classify", "occluders"], rows, 2
-    )
+                rows.append([*row, "", "", "", "", ""])
+    stages = ["components", "tree", "classify", "occluders", "beams"]
+    return table(["mesh", "", "threads", "wall s", *stages], rows, 2)
 
 
-_STAGES = ("wall_s", "components_s", "tree_s", "classify_s", "occluders_s")
+_STAGES = ("wall_s", "components_s", "tree_s", "classify_s", "occluders_s", "beams_s")
 
 
 def scaling_of(lines: dict[str, Any]) -> tuple[int, float]:

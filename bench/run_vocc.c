@@ -134,11 +134,12 @@ static void vb_describe(void *user, FILE *json)
     fprintf(json,
             "\"wall_s\": %.6f, \"cpu_s\": %.6f, \"components_s\": %.6f, "
             "\"tree_s\": %.6f, \"classify_s\": %.6f, \"occluders_s\": %.6f, "
-            "\"threads\": %d, "
+            "\"beams_s\": %.6f, \"threads\": %d, "
             "\"bytes\": %" PRIu64 ", \"bytes_per_triangle\": %.2f, ",
             self->wall, self->cpu, r.seconds_components, r.seconds_build,
-            r.seconds_classify, r.seconds_occluders, (int)r.threads,
-            r.tree_bytes, (double)r.tree_bytes / triangles);
+            r.seconds_classify, r.seconds_occluders, r.seconds_beams,
+            (int)r.threads, r.tree_bytes + r.beam_bytes,
+            (double)(r.tree_bytes + r.beam_bytes) / triangles);
     fprintf(json,
             "\"nodes\": %" PRIu64 ", \"boundary\": %" PRIu64
             ", \"opaque\": %" PRIu64 ", \"clear\": %" PRIu64

@@ -7,7 +7,7 @@
 
 /* Binned surface area heuristic (Wald, "On fast Construction of SAH-based
  * Bounding Volume Hierarchies", 2007), in units of whole clusters. */
-enum { BINS = 16, MAX_DEPTH = 48, NO_NODE = -1 };
+enum { BINS = 16, MAX_DEPTH = 48, JOB_ITEMS = 16384 };
 
 typedef struct box {
     float lower[3], upper[3];
@@ -24,12 +24,22 @@ typedef struct pair {
     uint32_t child[2]; /* pairs; or a cluster and UINT32_MAX */
 } pair;
 
+/* Items below a pair.  Whole clusters are cut off in front, so that the first
+ * item tells a cluster's number; and above n clusters are 2 n - 1 pairs. */
+typedef struct subtree {
+    size_t first, count;
+    uint32_t number; /* of the pair */
+    int depth;
+} subtree;
+
 typedef struct builder {
     const vocc_tree *tree;
     const vocc_solids *solids;
     item *items;
     pair *pairs;
-    size_t pair_count;
+    uint32_t *top; /* pairs with more than JOB_ITEMS */
+    subtree *jobs; /* below them */
+    size_t top_count, job_count;
     vocc_bvh *bvh;
 } builder;
 
@@ -256,7 +266,7 @@ static int unit_normal(const float *c, box *normal)
     return 1;
 }
 
-static void make_cluster(builder *b, const item *items, size_t count,
+static void make_cluster(const builder *b, const item *items, size_t count,
                          uint32_t number, box *normals)
 {
     vocc_cluster *cluster = &b->bvh->clusters[number];
@@ -286,28 +296,112 @@ static void make_cluster(builder *b, const item *items, size_t count,
     }
 }
 
-static uint32_t build_pairs(builder *b, item *items, size_t count, int depth)
+static subtree first_child(subtree t, size_t below)
 {
-    const uint32_t number = (uint32_t)b->pair_count++;
-    pair *p = &b->pairs[number];
+    t.count = below;
+    t.number++;
+    t.depth++;
+    return t;
+}
+
+static subtree second_child(subtree t, size_t below)
+{
+    t.first += below;
+    t.count -= below;
+    t.number += 2 * (uint32_t)(below / VOCC_WIDE);
+    t.depth++;
+    return t;
+}
+
+static void add_children(const builder *b, pair *p)
+{
+    p->bounds = b->pairs[p->child[0]].bounds;
+    p->normals = b->pairs[p->child[0]].normals;
+    box_add(&p->bounds, &b->pairs[p->child[1]].bounds);
+    box_add(&p->normals, &b->pairs[p->child[1]].normals);
+}
+
+static void build_cluster(const builder *b, subtree t)
+{
+    pair *p = &b->pairs[t.number];
     size_t i;
-    if (count <= VOCC_WIDE) {
-        box_none(&p->bounds);
-        for (i = 0; i < count; i++)
-            box_add(&p->bounds, &items[i].bounds);
-        p->child[0] = (uint32_t)b->bvh->cluster_count++;
-        p->child[1] = UINT32_MAX;
-        make_cluster(b, items, count, p->child[0], &p->normals);
-    } else {
-        const size_t below = split(items, count, depth);
-        p->child[0] = build_pairs(b, items, below, depth + 1);
-        p->child[1] = build_pairs(b, items + below, count - below, depth + 1);
-        p->bounds = b->pairs[p->child[0]].bounds;
-        p->normals = b->pairs[p->child[0]].normals;
-        box_add(&p->bounds, &b->pairs[p->child[1]].bounds);
-        box_add(&p->normals, &b->pairs[p->child[1]].normals);
+    box_none(&p->bounds);
+    for (i = 0; i < t.count; i++)
+        box_add(&p->bounds, &b->items[t.first + i].bounds);
+    p->child[0] = (uint32_t)(t.first / VOCC_WIDE);
+    p->child[1] = UINT32_MAX;
+    make_cluster(b, b->items + t.first, t.count, p->child[0], &p->normals);
+}
+
+/* Splits; returns how many items go to the first child. */
+static size_t divide(const builder *b, subtree t)
+{
+    pair *p = &b->pairs[t.number];
+    const size_t below = split(b->items + t.first, t.count, t.depth);
+    p->child[0] = first_child(t, below).number;
+    p->child[1] = second_child(t, below).number;
+    return below;
+}
+
+static void build_pair(const builder *b, subtree t)
+{
+    size_t below;
+    if (t.count <= VOCC_WIDE) {
+        build_cluster(b, t);
+        return;
     }
-    return number;
+    below = divide(b, t);
+    build_pair(b, first_child(t, below));
+    build_pair(b, second_child(t, below));
+    add_children(b, &b->pairs[t.number]);
+}
+
+/* The pairs above the subtrees that are built side by side. */
+static vocc_status build_top(builder *b, subtree t, vocc_ticker *ticker)
+{
+    size_t below;
+    vocc_status status;
+    if (t.count <= JOB_ITEMS) {
+        b->jobs[b->job_count++] = t;
+        return VOCC_OK;
+    }
+    if (vocc_tick(ticker, 0.0))
+        return VOCC_ERROR_CANCELLED;
+    b->top[b->top_count++] = t.number;
+    below = divide(b, t);
+    status = build_top(b, first_child(t, below), ticker);
+    return status == VOCC_OK ? build_top(b, second_child(t, below), ticker)
+                             : status;
+}
+
+static vocc_status build_job(void *context, size_t job, int worker,
+                             vocc_jobs *jobs)
+{
+    const builder *b = context;
+    (void)worker;
+    (void)jobs;
+    build_pair(b, b->jobs[job]);
+    return VOCC_OK;
+}
+
+static vocc_status build_pairs(builder *b, size_t count,
+                               const vocc_allocator *allocator, int threads,
+                               vocc_ticker *ticker)
+{
+    subtree all;
+    vocc_status status;
+    all.first = 0;
+    all.count = count;
+    all.number = 0;
+    all.depth = 0;
+    status = build_top(b, all, ticker);
+    if (status == VOCC_OK)
+        status = vocc_jobs_run(allocator, threads, b->job_count, build_job, b,
+                               ticker);
+    /* Parents stand before their children. */
+    while (status == VOCC_OK && b->top_count)
+        add_children(b, &b->pairs[b->top[--b->top_count]]);
+    return status;
 }
 
 /* ---- wide nodes -------------------------------------------------------------
@@ -429,44 +523,58 @@ static int copy_boxes(const vocc_allocator *allocator, const vocc_tree *tree,
     return 1;
 }
 
-int vocc_bvh_build(const vocc_allocator *allocator, const vocc_tree *tree,
-                   const vocc_solids *solids, vocc_bvh *bvh)
+static vocc_status build_tree(builder *b, size_t count,
+                              const vocc_allocator *allocator, int threads,
+                              vocc_ticker *ticker)
+{
+    const size_t clusters = count / VOCC_WIDE + (count % VOCC_WIDE != 0);
+    vocc_bvh *bvh = b->bvh;
+    vocc_status status;
+    b->pairs = vocc_allocate(allocator, 2 * clusters, sizeof *b->pairs);
+    b->top = vocc_allocate(allocator, clusters, sizeof *b->top);
+    b->jobs = vocc_allocate(allocator, clusters, sizeof *b->jobs);
+    bvh->clusters = vocc_allocate(allocator, clusters, sizeof *bvh->clusters);
+    bvh->nodes = vocc_allocate(allocator, clusters, sizeof *bvh->nodes);
+    if (!b->pairs || !b->top || !b->jobs || !bvh->clusters || !bvh->nodes)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    bvh->cluster_count = clusters;
+    status = build_pairs(b, count, allocator, threads, ticker);
+    if (status != VOCC_OK)
+        return status;
+    (void)make_wide(b, 0);
+    return fit(allocator, (void **)&bvh->nodes, bvh->node_count,
+               sizeof *bvh->nodes)
+               ? VOCC_OK
+               : VOCC_ERROR_OUT_OF_MEMORY;
+}
+
+vocc_status vocc_bvh_build(const vocc_allocator *allocator,
+                           const vocc_tree *tree, const vocc_solids *solids,
+                           int threads, vocc_ticker *ticker, vocc_bvh *bvh)
 {
     builder b;
-    size_t count, most;
-    int ok = 0;
+    size_t count;
+    vocc_status status = VOCC_ERROR_OUT_OF_MEMORY;
     memset(bvh, 0, sizeof *bvh);
     memset(&b, 0, sizeof b);
     b.tree = tree;
     b.solids = solids;
     b.bvh = bvh;
     b.items = vocc_allocate(allocator, tree->triangle_count, sizeof *b.items);
-    if (!b.items)
-        return 0;
-    count = load_items(tree, b.items);
-    most = count / VOCC_WIDE + 1;
-    if (count) {
-        b.pairs = vocc_allocate(allocator, 2 * most, sizeof *b.pairs);
-        bvh->clusters = vocc_allocate(allocator, most, sizeof *bvh->clusters);
-        if (b.pairs && bvh->clusters) {
-            (void)build_pairs(&b, b.items, count, 0);
-            bvh->nodes = vocc_allocate(allocator, bvh->cluster_count,
-                                       sizeof *bvh->nodes);
-            if (bvh->nodes) {
-                (void)make_wide(&b, 0);
-                ok = fit(allocator, (void **)&bvh->nodes, bvh->node_count,
-                         sizeof *bvh->nodes);
-            }
-        }
-    } else {
-        ok = 1;
+    if (b.items) {
+        count = load_items(tree, b.items);
+        status =
+            count ? build_tree(&b, count, allocator, threads, ticker) : VOCC_OK;
     }
+    vocc_release(allocator, b.jobs);
+    vocc_release(allocator, b.top);
     vocc_release(allocator, b.pairs);
     vocc_release(allocator, b.items);
-    ok = ok && copy_boxes(allocator, tree, bvh);
-    if (!ok)
+    if (status == VOCC_OK && !copy_boxes(allocator, tree, bvh))
+        status = VOCC_ERROR_OUT_OF_MEMORY;
+    if (status != VOCC_OK)
         vocc_bvh_free(allocator, bvh);
-    return ok;
+    return status;
 }
 
 void vocc_bvh_free(const vocc_allocator *allocator, vocc_bvh *bvh)

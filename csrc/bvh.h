@@ -10,6 +10,7 @@
 #include "kdtree.h"
 #include "platform.h"
 #include "regions.h"
+#include "threads.h"
 
 /* The height of a hierarchy is less than VOCC_BVH_DEPTH. */
 enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80 };
@@ -45,11 +46,12 @@ typedef struct vocc_bvh {
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which
- * nothing can cross.  No nodes if there are none.  Returns 0 if there is no
- * memory. */
-VOCC_INTERNAL int vocc_bvh_build(const vocc_allocator *allocator,
-                                 const vocc_tree *tree,
-                                 const vocc_solids *solids, vocc_bvh *bvh);
+ * nothing can cross.  No nodes if there are none.  The same whatever the number
+ * of threads.  Fails: OUT_OF_MEMORY, CANCELLED. */
+VOCC_INTERNAL vocc_status vocc_bvh_build(const vocc_allocator *allocator,
+                                         const vocc_tree *tree,
+                                         const vocc_solids *solids, int threads,
+                                         vocc_ticker *ticker, vocc_bvh *bvh);
 VOCC_INTERNAL void vocc_bvh_free(const vocc_allocator *allocator,
                                  vocc_bvh *bvh);
 

@@ -71,16 +71,21 @@ VOCC_INLINE uint32_t vocc_sample_seed(uint32_t point_id, uint32_t light)
     return vocc_hash32(point_id ^ vocc_hash32(light ^ 0x9E3779B9u));
 }
 
-VOCC_INLINE void vocc_sample_jitter(const vocc_pattern *pattern,
-                                    uint32_t point_id, uint32_t light,
-                                    const vocc_place *place, float *a, float *b)
+/* What the samples of a point and a light have in common. */
+VOCC_INLINE uint32_t vocc_jitter_key(uint32_t point_id, uint32_t light)
 {
-    const uint32_t h =
-        vocc_hash32(point_id * 2048u + light * 256u + place->sample);
+    return point_id * 2048u + light * 256u;
+}
+
+VOCC_INLINE void vocc_jitter(uint32_t key, uint32_t sample, float column,
+                             float row, float width, float height, float *a,
+                             float *b)
+{
+    const uint32_t h = vocc_hash32(key + sample);
     const float u = (float)(int32_t)(h & 0xFFFFu) * (1.0f / 65536.0f),
                 v = (float)(int32_t)(h >> 16) * (1.0f / 65536.0f);
-    *a = (place->column + u) * pattern->width;
-    *b = (place->row + v) * pattern->height;
+    *a = (column + u) * width;
+    *b = (row + v) * height;
 }
 
 VOCC_INLINE void vocc_sample_sobol(uint32_t seed, const vocc_place *place,
@@ -99,7 +104,9 @@ VOCC_INLINE void vocc_sample(const vocc_pattern *pattern, uint32_t point_id,
                              const vocc_place *place, float *a, float *b)
 {
     if (pattern->sampler == VOCC_SAMPLER_JITTER)
-        vocc_sample_jitter(pattern, point_id, light, place, a, b);
+        vocc_jitter(vocc_jitter_key(point_id, light), place->sample,
+                    place->column, place->row, pattern->width, pattern->height,
+                    a, b);
     else
         vocc_sample_sobol(seed, place, a, b);
 }

@@ -486,14 +486,17 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
         return vocc_fail_plain(error, status);
     if (!vocc_make_planes(a, &built->tree))
         return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
-    vocc_ticker_stage(ticker, 0.96, 1.0);
+    vocc_ticker_stage(ticker, 0.96, 0.97);
     status = vocc_grow_occluders(a, &built->tree, options->threads, ticker);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
     built->report.seconds_occluders = vocc_seconds() - start;
     start = vocc_seconds();
-    if (!vocc_bvh_build(a, &built->tree, &solids, &built->bvh))
-        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+    vocc_ticker_stage(ticker, 0.97, 1.0);
+    status = vocc_bvh_build(a, &built->tree, &solids, options->threads, ticker,
+                            &built->bvh);
+    if (status != VOCC_OK)
+        return vocc_fail_plain(error, status);
     built->report.seconds_beams = vocc_seconds() - start;
     built->report.threads = options->threads;
     fill_report(scene, built, &classification);

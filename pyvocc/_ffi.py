@@ -359,6 +359,7 @@ def report(scene: Handle) -> Report:
         lower=_vector(c.lower),
         upper=_vector(c.upper),
         origin=origin(scene),
+        beam_bytes=c.beam_bytes,
         threads=c.threads,
     )
 

@@ -150,6 +150,7 @@ class Report:
         closed_count: components that are closed and may hold occluders.
         lower, upper: bounds of all triangles, in the scene's coordinates.
         origin: what is subtracted from float64 coordinates before they become float32.
+        beam_bytes: memory of the hierarchy that beams and single rays go through.
         threads: used by the build.
     """
 
@@ -163,6 +164,7 @@ class Report:
     lower: Vector
     upper: Vector
     origin: Vector
+    beam_bytes: int
     threads: int
 
     @property
@@ -172,8 +174,9 @@ class Report:
 
     @property
     def bytes_per_triangle(self) -> float:
-        """Memory of the tree by triangle, 0 for an empty scene."""
-        return self.tree.bytes / self.triangle_count if self.triangle_count else 0.0
+        """Memory of tree and hierarchy by triangle, 0 for an empty scene."""
+        every = self.tree.bytes + self.beam_bytes
+        return every / self.triangle_count if self.triangle_count else 0.0
 
     def __str__(self) -> str:
         head = (
@@ -208,12 +211,14 @@ class Report:
                 ("occluder area / mesh area", f"{tree.occluder_area_ratio:.2f}"),
                 ("references", f"{tree.reference_count}"),
                 ("bytes", f"{tree.bytes}"),
+                ("bytes for beams", f"{self.beam_bytes}"),
                 ("bytes a triangle", f"{self.bytes_per_triangle:.1f}"),
                 ("seconds", f"{seconds.total:.3f}"),
                 ("  components", f"{seconds.components:.3f}"),
                 ("  build", f"{seconds.build:.3f}"),
                 ("  classify", f"{seconds.classify:.3f}"),
                 ("  occluders", f"{seconds.occluders:.3f}"),
+                ("  beams", f"{seconds.beams:.3f}"),
                 ("threads", f"{self.threads}"),
                 ("auto order", tree.auto_order),
             ]

@@ -32,11 +32,12 @@
 
 enum {
     VOCC_BEAM_POINTS = 256,
-    VOCC_BEAM_RAYS = 256, /* tested together */
+    VOCC_BEAM_RAYS = 512, /* tested together */
     VOCC_BEAM_BLOCKS = VOCC_BEAM_RAYS / VOCC_WIDE,
     VOCC_FAN_POINTS = 64,
     VOCC_FAN_BLOCKS = 16, /* of 16 samples */
-    VOCC_BEAM_LIST = 256, /* boxes; what has no room stays in its parent */
+    VOCC_BEAM_LIST = 512, /* boxes; what has no room stays in its parent */
+    VOCC_BEAM_CHUNKS = VOCC_BEAM_LIST / VOCC_WIDE + 1, /* 16 clusters each */
     VOCC_BEAM_BOXES = 64,
     VOCC_BEAM_STACK = VOCC_WIDE * VOCC_BVH_DEPTH
 };
@@ -44,6 +45,7 @@ enum {
 /* Boxes that a beam meets, with their nodes and clusters. */
 typedef struct vocc_beam_list {
     int count;
+    int closed; /* nodes, of which all below may be met */
     float near; /* where the slices meet them, on average */
     float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
     float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
@@ -60,9 +62,8 @@ typedef struct vocc_beam_boxes {
 typedef struct vocc_beam {
     const vocc_tree *tree;
     const vocc_bvh *bvh;
-    int exits; /* solids' triangles: only those that segments leave through */
-    int is_sharp; /* drop triangles beside the beam from lists */
-    float size;   /* largest |coordinate| of the scene, points and light */
+    int exits;  /* solids' triangles: only those that segments leave through */
+    float size; /* largest |coordinate| of the scene, points and light */
     float margin; /* by which slices are widened */
 
     /* The points. */
@@ -90,6 +91,11 @@ typedef struct vocc_beam {
     float way[3], way_half[3]; /* bounds of all directions */
 
     uint32_t stack[VOCC_BEAM_STACK];
+    vocc_beam_list below; /* some of the clusters below a list */
+    /* Segments that may meet 16 clusters, and one of these. */
+    int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE];
+    uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];
+    uint16_t child_ray[VOCC_WIDE][VOCC_BEAM_RAYS];
 
     /* What was done. */
     uint64_t nodes, clusters, ray_tests, exact_tests;
@@ -113,11 +119,10 @@ typedef struct vocc_beam_rays {
     float dir[3][VOCC_BEAM_RAYS + VOCC_WIDE];
     float from[3][VOCC_BEAM_RAYS + VOCC_WIDE];    /* org - centre */
     float inverse[3][VOCC_BEAM_RAYS + VOCC_WIDE]; /* 1 / dir */
+    float offset[3][VOCC_BEAM_RAYS + VOCC_WIDE];  /* - org / dir */
     float moment[3][VOCC_BEAM_RAYS + VOCC_WIDE];  /* from x dir */
-    vocc_slices slices;                           /* of 16 segments each */
     /* Bits: not known to be blocked. */
     uint16_t open[VOCC_BEAM_BLOCKS];
-    unsigned open_blocks; /* those with such a bit */
     int touching; /* set if an origin may lie on a triangle that was tested */
 } vocc_beam_rays;
 

@@ -1,4 +1,5 @@
 #include "bvh.h"
+#include "frame.h"
 #include "memory.h"
 #include "vec3.h"
 
@@ -266,6 +267,45 @@ static int unit_normal(const float *c, box *normal)
     return 1;
 }
 
+/* The planes across the mean normal that a cluster lies between. */
+static void set_slab(vocc_cluster *c)
+{
+    double sum[3] = {0.0, 0.0, 0.0}, lower = 0.0, upper = 0.0;
+    uint32_t i;
+    int k, corner;
+    for (i = 0; i < c->count; i++) {
+        double u[3], v[3], n[3];
+        for (k = 0; k < 3; k++) {
+            u[k] = (double)c->corner[3 + k][i] - (double)c->corner[k][i];
+            v[k] = (double)c->corner[6 + k][i] - (double)c->corner[k][i];
+        }
+        vocc_cross(u, v, n);
+        for (k = 0; k < 3; k++)
+            sum[k] += n[k];
+    }
+    if (!vocc_normalize(sum, sum))
+        sum[0] = sum[1] = sum[2] = 0.0;
+    for (k = 0; k < 3; k++)
+        c->normal[k] = (float)sum[k];
+    for (i = 0; i < c->count; i++)
+        for (corner = 0; corner < 3; corner++) {
+            double at = 0.0, size = 0.0;
+            for (k = 0; k < 3; k++) {
+                const double x =
+                    (double)c->normal[k] * (double)c->corner[3 * corner + k][i];
+                at += x;
+                size += vocc_abs(x);
+            }
+            size *= 0x1p-50;
+            if ((i == 0 && corner == 0) || at - size < lower)
+                lower = at - size;
+            if ((i == 0 && corner == 0) || at + size > upper)
+                upper = at + size;
+        }
+    c->slab[0] = (float)(lower - vocc_abs(lower) * 0x1p-23);
+    c->slab[1] = (float)(upper + vocc_abs(upper) * 0x1p-23);
+}
+
 static void make_cluster(const builder *b, const item *items, size_t count,
                          uint32_t number, box *normals)
 {
@@ -294,6 +334,7 @@ static void make_cluster(const builder *b, const item *items, size_t count,
             box_add(normals, &normal);
         }
     }
+    set_slab(cluster);
 }
 
 static subtree first_child(subtree t, size_t below)

@@ -31,6 +31,9 @@ typedef struct vocc_cluster {
     uint32_t triangle[VOCC_WIDE]; /* of the tree */
     uint32_t count;
     uint32_t both_sides; /* bits: no solid's, or of one wound inconsistently */
+    /* All lie between two planes: normal . x is slab[0] to slab[1].  All are 0
+     * if there is no mean normal. */
+    float normal[3], slab[2];
 } vocc_cluster;
 
 typedef struct vocc_bvh {

@@ -427,9 +427,7 @@ static vocc_status decide(const vocc_beaming *w, vocc_range r)
     b->exits = w->light->target.region == 0;
     for (i = 0; i < r.count; i++)
         b->exits &= room->outside[w->light->which[r.first + i]];
-    b->is_sharp = 1;
     w->kernels->narrow(b, NULL, &room->lists[0]);
-    b->is_sharp = 0;
     if (!room->lists[0].count)
         return vocc_group_settle(w, r, 0, &w->counters->beam_lit_rays);
     if (is_short(&room->lists[0])) {

@@ -9,14 +9,14 @@
 #include "shadow.h"
 
 enum {
-    VOCC_BEAM_LIGHTS = 8,        /* at a time */
-    VOCC_GROUP = 64,             /* points */
-    VOCC_STORE = 16384,          /* segments of a group */
-    VOCC_CHUNK = VOCC_BEAM_RAYS, /* samples of a point at a time */
-    VOCC_CELLS = 64,             /* of a light */
-    VOCC_LEVELS = 7,             /* of quartering points and cells, and the
-                                    group itself */
-    VOCC_STEPS_LIKE_A_RAY = 8    /* nodes and clusters that take as long */
+    VOCC_BEAM_LIGHTS = 8,     /* at a time */
+    VOCC_GROUP = 64,          /* points */
+    VOCC_STORE = 16384,       /* segments of a group */
+    VOCC_CHUNK = 256,         /* samples of a point at a time */
+    VOCC_CELLS = 64,          /* of a light */
+    VOCC_LEVELS = 7,          /* of quartering points and cells, and the
+                                 group itself */
+    VOCC_STEPS_LIKE_A_RAY = 8 /* nodes and clusters that take as long */
 };
 
 typedef struct vocc_range {

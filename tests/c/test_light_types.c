@@ -201,7 +201,8 @@ static void patches_face_alike(void)
                     patch.normal_upper[k] = normal[j][k];
             }
         }
-        vocc_emitter_face(&e, POINTS, point, normal, horizon, facing);
+        vocc_emitter_face(&e, POINTS, (const float (*)[3])point,
+                          (const double (*)[3])normal, horizon, facing);
         const int alike = vocc_emitter_facing_patch(&e, &patch, horizon, &all);
         for (int j = 0; j < POINTS; j++) {
             CHECK_INT(facing[j],

@@ -56,18 +56,23 @@ int vocc_beam_limits(vocc_beam *b, const double reach[3],
     return size <= MAX_SIZE && size >= MIN_SIZE;
 }
 
-/* A box around the points whose third axis is their mean normal: thin where
- * they lie in a plane. */
+/* Normals that tell how the points lie. */
+enum { SOME_NORMALS = 8 };
+
+/* A box around the points whose third axis is about their mean normal: thin
+ * where they lie in a plane. */
 void vocc_beam_set_points(vocc_beam *b, const vocc_beam_kernels *kernels,
                           const double (*normal)[3], const uint16_t *which)
 {
     /* The axes, the coordinates along them and the centre are rounded. */
     const double margin = 0x1p-21 * (double)b->size;
-    double axis[3][3], sum[3] = {0.0, 0.0, 0.0};
-    float rounded[3][3], low[3], high[3], reach = 0.0f;
+    const size_t step = b->count / SOME_NORMALS + 1;
+    double axis[3][3], sum[3] = {0.0, 0.0, 0.0}, middle[3], half[3],
+                       reach = 0.0;
+    float rounded[3][3], low[3], high[3];
     size_t i;
     int k, j;
-    for (i = 0; i < b->count; i++)
+    for (i = 0; i < b->count; i += step)
         for (k = 0; k < 3; k++)
             sum[k] += normal[which[i]][k];
     if (!vocc_normalize(sum, axis[2])) {
@@ -82,92 +87,109 @@ void vocc_beam_set_points(vocc_beam *b, const vocc_beam_kernels *kernels,
         for (i = b->count; i % VOCC_WIDE; i++)
             b->point[k][i] = b->point[k][0];
     kernels->measure(b, rounded, low, high);
+    for (j = 0; j < 3; j++) {
+        middle[j] = 0.5 * ((double)low[j] + (double)high[j]);
+        half[j] =
+            0.5 * ((double)high[j] - (double)low[j]) * (1.0 + 0x1p-19) + margin;
+    }
     for (k = 0; k < 3; k++) {
         double centre = (double)b->point[k][0];
         for (j = 0; j < 3; j++) {
-            const double x = 0.5 * ((double)low[j] + (double)high[j]),
-                         half = 0.5 * ((double)high[j] - (double)low[j]);
-            centre += x * axis[j][k];
-            b->axis[j][k] =
-                (float)((half * (1.0 + 0x1p-19) + margin) * axis[j][k]);
-            reach += vocc_absf(b->axis[j][k]);
+            centre += middle[j] * axis[j][k];
+            b->axis[j][k] = (float)(half[j] * axis[j][k]);
+            reach += vocc_abs(half[j] * axis[j][k]);
         }
         b->centre[k] = (float)centre;
     }
-    b->reach = reach;
+    b->reach = up(reach);
 }
 
-/* Corner i & 1 << j of the target's hull is at the end of axis j. */
+/* Half axes of the part of the target between low and high, and its centre.
+ * Corner i & 1 << j of the target's hull is at the end of axis j. */
+static void set_part(const vocc_target *target, const double low[2],
+                     const double high[2], double axis[3][3], double centre[3])
+{
+    const int axes = target->corners == 4 ? 2 : 3;
+    int j, k;
+    for (k = 0; k < 3; k++) {
+        centre[k] = (double)target->corner[0][k];
+        axis[2][k] = 0.0;
+    }
+    for (j = 0; j < axes; j++) {
+        const double from = j < 2 ? low[j] : 0.0, to = j < 2 ? high[j] : 1.0;
+        for (k = 0; k < 3; k++) {
+            const double edge = (double)target->corner[1 << j][k] -
+                                (double)target->corner[0][k];
+            axis[j][k] = 0.5 * (to - from) * edge;
+            centre[k] += 0.5 * (from + to) * edge;
+        }
+    }
+}
+
+/* Bounds of |o x x|, o one of the points and x from the centre to an end. */
+static void set_twist(vocc_beam *b, int axes, double axis[3][3], double slack)
+{
+    double o[3][3], size[3], twist[3];
+    int i, j, k;
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++)
+            o[i][k] = (double)b->axis[i][k];
+    for (k = 0; k < 3; k++)
+        size[k] = vocc_abs(o[0][k]) + vocc_abs(o[1][k]) + vocc_abs(o[2][k]);
+    for (k = 0; k < 3; k++)
+        twist[k] = slack * (size[(k + 1) % 3] + size[(k + 2) % 3]);
+    for (j = 0; j < axes; j++)
+        for (i = 0; i < 3; i++) {
+            double cross[3];
+            vocc_cross(o[i], axis[j], cross);
+            for (k = 0; k < 3; k++)
+                twist[k] += vocc_abs(cross[k]);
+        }
+    for (k = 0; k < 3; k++)
+        b->twist[k] = up(twist[k]);
+}
+
 void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
                        const double low[2], const double high[2])
 {
-    const int axes = target->corners == 4 ? 2 : 3;
-    const double margin = (double)b->margin,
-                 slack = target->slack + 0x1p-22 * (double)b->size;
+    const int axes = target->corners == 4 ? 2 : 3,
+              is_direction = target->is_direction;
+    const double margin = (double)b->margin, size = (double)b->size,
+                 slack = target->slack + 0x1p-22 * size;
     /* From a point no triangle is farther than sqrt(3) times 2 size. */
-    const double length = target->is_direction ? 4.0 * (double)b->size : 1.0;
-    double reach = slack, end_lower[3], end_upper[3], width = 0.0;
+    const double length = is_direction ? 4.0 * size : 1.0;
+    double axis[3][3], centre[3], reach = slack, width = 0.0;
     int j, k;
+    set_part(target, low, high, axis, centre);
+    set_twist(b, axes, axis, slack);
+    for (j = 0; j < 3; j++)
+        for (k = 0; k < 3; k++)
+            b->end_axis[j][k] = (float)axis[j][k];
     for (k = 0; k < 3; k++) {
-        const double corner = (double)target->corner[0][k];
-        double centre = corner, half = slack;
-        for (j = 0; j < 3; j++) {
-            const double edge =
-                j < axes ? (double)target->corner[1 << j][k] - corner : 0.0;
-            const double from = j < 2 ? low[j] : 0.0,
-                         to = j < 2 ? high[j] : 1.0;
-            const double axis = 0.5 * (to - from) * edge;
-            centre += 0.5 * (from + to) * edge;
-            b->end_axis[j][k] = (float)axis;
-            half += vocc_abs(axis);
-            reach += vocc_abs(axis);
-            if (j < 2)
-                b->far_axis[j][k] = (float)(length * axis);
-            else
-                b->far_rest[k] = up(length * (slack + vocc_abs(axis)) +
-                                    0x1p-20 * (double)b->size);
-        }
-        b->far_middle[k] = (float)(length * centre);
-        width = larger(width, 2.0 * length * half);
-        end_lower[k] = larger(centre - half, target->lower[k]);
-        end_upper[k] = -larger(-centre - half, -target->upper[k]);
-        if (!target->is_direction)
-            centre -= (double)b->centre[k];
-        b->end[k] = (float)centre;
-        reach += vocc_abs(centre);
-    }
-    b->end_width = (float)width;
-    b->end_slack = up(slack);
-    /* Segments from any of the points are not longer. */
-    b->end_reach = up(reach + (double)b->reach);
-    for (k = 0; k < 3; k++) {
-        const int x = (k + 1) % 3, y = (k + 2) % 3;
-        double twist = 0.0;
-        int i;
-        for (i = 0; i < 3; i++) {
-            twist += slack * (vocc_abs((double)b->axis[i][x]) +
-                              vocc_abs((double)b->axis[i][y]));
-            for (j = 0; j < 3; j++)
-                twist +=
-                    vocc_abs((double)b->axis[i][x] * (double)b->end_axis[j][y] -
-                             (double)b->axis[i][y] * (double)b->end_axis[j][x]);
-        }
-        b->twist[k] = up(twist);
-    }
-    for (k = 0; k < 3; k++) {
+        const double spread = vocc_abs(axis[0][k]) + vocc_abs(axis[1][k]),
+                     rest = vocc_abs(axis[2][k]), half = slack + spread + rest,
+                     end_lower = larger(centre[k] - half, target->lower[k]),
+                     end_upper = -larger(-centre[k] - half, -target->upper[k]),
+                     end = is_direction ? centre[k]
+                                        : centre[k] - (double)b->centre[k];
         /* Points and ends, and the steps between them, widened. */
         const double base_lower = (double)b->lower[k],
                      base_upper = (double)b->upper[k],
-                     most_lower = length * end_lower[k] +
-                                  (target->is_direction ? base_lower : 0.0),
-                     most_upper = length * end_upper[k] +
-                                  (target->is_direction ? base_upper : 0.0),
-                     least = target->is_direction ? end_lower[k]
-                                                  : end_lower[k] - base_upper,
-                     most = target->is_direction ? end_upper[k]
-                                                 : end_upper[k] - base_lower;
-        b->far_lower[k] = down(length * end_lower[k]);
-        b->far_upper[k] = up(length * end_upper[k]);
+                     most_lower =
+                         length * end_lower + (is_direction ? base_lower : 0.0),
+                     most_upper =
+                         length * end_upper + (is_direction ? base_upper : 0.0),
+                     least = is_direction ? end_lower : end_lower - base_upper,
+                     most = is_direction ? end_upper : end_upper - base_lower;
+        for (j = 0; j < 2; j++)
+            b->far_axis[j][k] = (float)(length * axis[j][k]);
+        b->far_rest[k] = up(length * (slack + rest) + 0x1p-20 * size);
+        b->far_middle[k] = (float)(length * centre[k]);
+        b->end[k] = (float)end;
+        width = larger(width, 2.0 * length * half);
+        reach += spread + rest + vocc_abs(end);
+        b->far_lower[k] = down(length * end_lower);
+        b->far_upper[k] = up(length * end_upper);
         b->slice_lower[k] = down(base_lower - margin);
         b->slice_upper[k] = up(base_upper + margin);
         b->step_lower[k] =
@@ -175,8 +197,12 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
         b->step_upper[k] =
             inverse(most_upper + margin - (double)b->slice_upper[k]);
         b->way[k] = (float)(0.5 * (least + most));
-        b->way_half[k] = up(0.5 * (most - least) + 0x1p-22 * (double)b->size);
+        b->way_half[k] = up(0.5 * (most - least) + 0x1p-22 * size);
     }
+    b->end_width = (float)width;
+    b->end_slack = up(slack);
+    /* Segments from any of the points are not longer. */
+    b->end_reach = up(reach + (double)b->reach);
 }
 
 const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa)

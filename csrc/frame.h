@@ -20,9 +20,15 @@ VOCC_INLINE int vocc_normalize(const double in[3], double out[3])
     }
     if (largest == 0.0)
         return 0;
-    (void)frexp(largest, &exponent);
-    for (k = 0; k < 3; k++)
-        out[k] = ldexp(in[k], -exponent);
+    if (largest > 0x1p-200 && largest < 0x1p200) {
+        /* Squares are in range as they are. */
+        for (k = 0; k < 3; k++)
+            out[k] = in[k];
+    } else {
+        (void)frexp(largest, &exponent);
+        for (k = 0; k < 3; k++)
+            out[k] = ldexp(in[k], -exponent);
+    }
     length = sqrt(vocc_dot(out, out));
     for (k = 0; k < 3; k++)
         out[k] /= length;

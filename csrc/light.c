@@ -143,34 +143,26 @@ vocc_status vocc_emitter_hemisphere(vocc_emitter *e, double distance,
 /* ---- which side -------------------------------------------------------------
  */
 
-/* The bounds of normal . (sample - point) over all samples, in double; what
- * rounding may change in it is taken off and added. */
-static void heights(const vocc_emitter *e, const float point[3],
-                    const double n[3], double *low, double *high)
+/* How far normal . (sample - point) is from that of the light's centre, for
+ * |normal . edges| up to u and v, a normal of length `length`, 1-norm, and
+ * |coordinates| of the point; with what rounding may change.  No argument makes
+ * it smaller by being larger. */
+static double reach_of(const vocc_emitter *e, double u, double v, double length,
+                       const double point[3])
 {
     const int is_sun = e->type == VOCC_LIGHT_SUN;
-    double centre = 0.0, reach = 0.0, size = 0.0, length = 0.0;
+    double reach, size = 0.0;
     int k;
-    for (k = 0; k < 3; k++) {
-        const double p = is_sun ? 0.0 : (double)point[k];
-        centre += n[k] * (is_sun ? e->axis[k] : e->centre[k] - p);
-        length += vocc_abs(n[k]);
-        size += vocc_abs(e->centre[k]) + vocc_abs(p) +
+    for (k = 0; k < 3; k++)
+        size += vocc_abs(e->centre[k]) + (is_sun ? 0.0 : point[k]) +
                 vocc_abs((double)e->edge_u[k]) + vocc_abs((double)e->edge_v[k]);
-    }
-    size = length * (size + (is_sun ? 4.0 : e->radius));
     switch (e->type) {
     case VOCC_LIGHT_RECT:
-    case VOCC_LIGHT_DISK: {
-        double u = 0.0, v = 0.0;
-        for (k = 0; k < 3; k++) {
-            u += n[k] * (double)e->edge_u[k];
-            v += n[k] * (double)e->edge_v[k];
-        }
-        reach = e->type == VOCC_LIGHT_DISK ? sqrt(u * u + v * v)
-                                           : (vocc_abs(u) + vocc_abs(v)) / 2.0;
+        reach = (u + v) / 2.0;
         break;
-    }
+    case VOCC_LIGHT_DISK:
+        reach = sqrt(u * u + v * v);
+        break;
     case VOCC_LIGHT_SUN:
         reach = e->chord * length;
         break;
@@ -178,7 +170,25 @@ static void heights(const vocc_emitter *e, const float point[3],
         reach = e->radius * length;
     }
     /* Samples and directions are rounded to float32, four times at most. */
-    reach += 0x1p-20 * size;
+    return reach + 0x1p-20 * (length * (size + (is_sun ? 4.0 : e->radius)));
+}
+
+/* The bounds of normal . (sample - point) over all samples, in double. */
+static void heights(const vocc_emitter *e, const float point[3],
+                    const double n[3], double *low, double *high)
+{
+    const int is_sun = e->type == VOCC_LIGHT_SUN;
+    double centre = 0.0, u = 0.0, v = 0.0, length = 0.0, size[3], reach;
+    int k;
+    for (k = 0; k < 3; k++) {
+        const double p = (double)point[k];
+        centre += n[k] * (is_sun ? e->axis[k] : e->centre[k] - p);
+        u += n[k] * (double)e->edge_u[k];
+        v += n[k] * (double)e->edge_v[k];
+        length += vocc_abs(n[k]);
+        size[k] = vocc_abs(p);
+    }
+    reach = reach_of(e, vocc_abs(u), vocc_abs(v), length, size);
     *low = centre - reach;
     *high = centre + reach;
 }
@@ -220,6 +230,131 @@ vocc_facing vocc_emitter_facing(const vocc_emitter *e, const float point[3],
     if (low > 0.0)
         return VOCC_FACING_ALL;
     return high > 0.0 ? VOCC_FACING_PART : VOCC_FACING_NONE;
+}
+
+/* ---- at all of a patch ------------------------------------------------------
+ *
+ * A rounded sum or product is no smaller if its operands are not (or, for
+ * factors, if the exact product is not): the same operations on bounds give
+ * bounds of what they give at any point, rounding and all. */
+
+typedef struct range {
+    double low, high;
+} range;
+
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+static double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static range times(range a, range b)
+{
+    const double p = a.low * b.low, q = a.low * b.high, r = a.high * b.low,
+                 s = a.high * b.high;
+    range out;
+    out.low = smaller(smaller(p, q), smaller(r, s));
+    out.high = larger(larger(p, q), larger(r, s));
+    return out;
+}
+
+static range one(double x)
+{
+    range r;
+    r.low = r.high = x;
+    return r;
+}
+
+static double largest(range r)
+{
+    return larger(vocc_abs(r.low), vocc_abs(r.high));
+}
+
+static range dot(const range a[3], const range b[3])
+{
+    const range x = times(a[0], b[0]), y = times(a[1], b[1]),
+                z = times(a[2], b[2]);
+    range out;
+    out.low = x.low + y.low + z.low;
+    out.high = x.high + y.high + z.high;
+    return out;
+}
+
+int vocc_emitter_facing_patch(const vocc_emitter *e, const vocc_patch *patch,
+                              int32_t horizon, vocc_facing *facing)
+{
+    const int is_sun = e->type == VOCC_LIGHT_SUN;
+    range n[3], to[3], back[3], plane[3], height;
+    int k;
+    if (e->type == VOCC_LIGHT_SPOT || e->type == VOCC_LIGHT_HEMISPHERE)
+        return 0;
+    for (k = 0; k < 3; k++) {
+        n[k].low = patch->normal_lower[k];
+        n[k].high = patch->normal_upper[k];
+        to[k].low = e->centre[k] - patch->upper[k];
+        to[k].high = e->centre[k] - patch->lower[k];
+        back[k].low = -to[k].high;
+        back[k].high = -to[k].low;
+        plane[k] = one(e->plane[k]);
+        if (is_sun)
+            to[k] = one(e->axis[k]);
+    }
+    if (e->one_sided) {
+        const range side = dot(plane, back);
+        *facing = VOCC_FACING_NONE;
+        if (side.high <= 0.0)
+            return 1;
+        if (!(side.low > 0.0))
+            return 0;
+    }
+    height = dot(n, to);
+    if (horizon != VOCC_HORIZON_CENTRE) {
+        range u[3], v[3];
+        double size[3], length = 0.0, reach;
+        for (k = 0; k < 3; k++) {
+            u[k] = one((double)e->edge_u[k]);
+            v[k] = one((double)e->edge_v[k]);
+            length += largest(n[k]);
+            size[k] =
+                larger(vocc_abs(patch->lower[k]), vocc_abs(patch->upper[k]));
+        }
+        reach =
+            reach_of(e, largest(dot(n, u)), largest(dot(n, v)), length, size);
+        height.low -= reach;
+        height.high += reach;
+    }
+    *facing = height.low > 0.0 ? VOCC_FACING_ALL : VOCC_FACING_NONE;
+    return height.low > 0.0 || height.high <= 0.0;
+}
+
+void vocc_emitter_face(const vocc_emitter *e, size_t count,
+                       const float (*point)[3], const double (*normal)[3],
+                       int32_t horizon, uint8_t *facing)
+{
+    const double c[3] = {e->centre[0], e->centre[1], e->centre[2]};
+    size_t i;
+    if (horizon != VOCC_HORIZON_CENTRE || e->one_sided ||
+        e->type == VOCC_LIGHT_SPOT || e->type == VOCC_LIGHT_SUN ||
+        e->type == VOCC_LIGHT_HEMISPHERE) {
+        for (i = 0; i < count; i++)
+            facing[i] =
+                (uint8_t)vocc_emitter_facing(e, point[i], normal[i], horizon);
+        return;
+    }
+    for (i = 0; i < count; i++) {
+        const float *const p = point[i];
+        const double *const n = normal[i];
+        facing[i] = n[0] * (c[0] - (double)p[0]) +
+                                n[1] * (c[1] - (double)p[1]) +
+                                n[2] * (c[2] - (double)p[2]) >
+                            0.0
+                        ? VOCC_FACING_ALL
+                        : VOCC_FACING_NONE;
+    }
 }
 
 /* ---- samples ----------------------------------------------------------------

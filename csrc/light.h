@@ -62,6 +62,24 @@ VOCC_INTERNAL vocc_facing vocc_emitter_facing(const vocc_emitter *emitter,
                                               const double normal[3],
                                               int32_t horizon);
 
+/* Points with their normals: all finite, and what they lie between. */
+typedef struct vocc_patch {
+    double lower[3], upper[3]; /* points */
+    double normal_lower[3], normal_upper[3];
+} vocc_patch;
+
+/* 1 if vocc_emitter_facing is the same at all of the patch: *facing. */
+VOCC_INTERNAL int vocc_emitter_facing_patch(const vocc_emitter *emitter,
+                                            const vocc_patch *patch,
+                                            int32_t horizon,
+                                            vocc_facing *facing);
+
+/* vocc_emitter_facing at some points, a byte each. */
+VOCC_INTERNAL void vocc_emitter_face(const vocc_emitter *emitter, size_t count,
+                                     const float (*point)[3],
+                                     const double (*normal)[3], int32_t horizon,
+                                     uint8_t *facing);
+
 VOCC_INTERNAL void vocc_aim_init(vocc_aim *aim, const vocc_emitter *emitter,
                                  const float point[3], const double normal[3]);
 

@@ -390,58 +390,94 @@ void vocc_shadow_store(const vocc_lighting *g, size_t which)
     }
 }
 
+static uint16_t begun_visible(const vocc_shadow *s, vocc_facing facing)
+{
+    return facing == VOCC_FACING_ALL ? (uint16_t)s->pattern.samples
+                                     : VOCC_NOT_TRACED;
+}
+
+static float begun_irradiance(vocc_facing facing)
+{
+    return facing == VOCC_FACING_ALL ? 1.0f : NAN;
+}
+
+/* Outputs from `at` on. */
+static void begin_row(const vocc_shadow *s, size_t at, size_t count,
+                      vocc_facing facing)
+{
+    const uint16_t visible = begun_visible(s, facing);
+    const float irradiance = begun_irradiance(facing);
+    size_t i;
+    for (i = at; s->visible && i < at + count; i++)
+        s->visible[i] = visible;
+    for (i = at; s->irradiance && i < at + count; i++)
+        s->irradiance[i] = irradiance;
+}
+
 void vocc_shadow_begin_light(vocc_lighting *g, size_t l)
 {
+    vocc_facing facing = VOCC_FACING_NONE;
     const vocc_shadow *s = g->s;
     const vocc_tile *t = g->t;
     const size_t first = l * s->points.count;
     size_t i;
     g->number = l;
     g->light = &s->lights[l];
-    g->lit_count = g->part_count = 0;
     if (g->light->type == VOCC_LIGHT_HEMISPHERE)
         g->target.region =
             vocc_finitef(g->light->distance) ? VOCC_END_UNKNOWN : 0;
     else
         vocc_emitter_target(g->light, g->worker->tracer->tree, t->reach,
                             &g->target);
-    memset(g->tallies, 0, VOCC_TILE_POINTS * sizeof *g->tallies);
-    for (i = 0; i < t->count + t->unused; i++) {
-        if (s->visible)
-            s->visible[first + t->number[i]] = VOCC_NOT_TRACED;
-        if (s->irradiance)
-            s->irradiance[first + t->number[i]] = NAN;
+    g->facing_alike =
+        t->is_patch &&
+        vocc_emitter_facing_patch(g->light, &t->patch, s->horizon, &facing);
+    if (g->facing_alike)
+        memset(g->facing, (int)facing, t->count);
+    else
+        vocc_emitter_face(g->light, t->count, t->point, t->normal, s->horizon,
+                          g->facing);
+    memset(g->facing + t->count, VOCC_FACING_NONE, t->unused);
+    if (g->facing_alike && t->is_row && !t->unused) {
+        begin_row(s, first + t->first, t->count, facing);
+        return;
     }
-    for (i = 0; i < t->count; i++) {
-        const vocc_facing facing = vocc_emitter_facing(
-            g->light, t->point[i], t->normal[i], s->horizon);
-        if (facing == VOCC_FACING_ALL)
-            g->lit[g->lit_count++] = (uint16_t)i;
-        else if (facing == VOCC_FACING_PART)
-            g->part[g->part_count++] = (uint16_t)i;
-    }
+    for (i = 0; s->visible && i < t->count + t->unused; i++)
+        s->visible[first + t->number[i]] =
+            begun_visible(s, (vocc_facing)g->facing[i]);
+    for (i = 0; s->irradiance && i < t->count + t->unused; i++)
+        s->irradiance[first + t->number[i]] =
+            begun_irradiance((vocc_facing)g->facing[i]);
 }
 
 /* One light at all points of a tile. */
 static vocc_status light_tile(vocc_lighting *g, size_t l)
 {
     const vocc_shadow *s = g->s;
+    uint16_t lit[VOCC_TILE_POINTS], part[VOCC_TILE_POINTS];
+    vocc_tally tallies[VOCC_TILE_POINTS];
+    size_t lit_count = 0, part_count = 0, i;
     vocc_status status;
-    size_t i;
     vocc_tracer_forget(g->worker->tracer);
     g->walk.box_count = 0;
+    g->tallies = tallies;
+    memset(tallies, 0, sizeof tallies);
     vocc_shadow_begin_light(g, l);
+    for (i = 0; i < g->t->count; i++)
+        if (g->facing[i] == VOCC_FACING_ALL)
+            lit[lit_count++] = (uint16_t)i;
+        else if (g->facing[i] == VOCC_FACING_PART)
+            part[part_count++] = (uint16_t)i;
     status = vocc_shadow_poll(g, g->t->count / STEPS_LIKE_A_RAY);
     if (status == VOCC_OK)
-        status = s->query.options.voxels
-                     ? light_voxels(g, g->lit, g->lit_count)
-                     : light_points(g, g->lit, g->lit_count);
+        status = s->query.options.voxels ? light_voxels(g, lit, lit_count)
+                                         : light_points(g, lit, lit_count);
     if (status == VOCC_OK)
-        status = vocc_shadow_trace(g, g->part, g->part_count, 1);
-    for (i = 0; i < g->lit_count; i++)
-        vocc_shadow_store(g, g->lit[i]);
-    for (i = 0; i < g->part_count; i++)
-        vocc_shadow_store(g, g->part[i]);
+        status = vocc_shadow_trace(g, part, part_count, 1);
+    for (i = 0; i < lit_count; i++)
+        vocc_shadow_store(g, lit[i]);
+    for (i = 0; i < part_count; i++)
+        vocc_shadow_store(g, part[i]);
     return status;
 }
 
@@ -451,8 +487,6 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     const vocc_shadow *s = context;
     vocc_tile t;
     vocc_lighting g;
-    uint16_t lit[VOCC_TILE_POINTS], part[VOCC_TILE_POINTS];
-    vocc_tally tallies[VOCC_TILE_POINTS];
     size_t l;
     vocc_status status = VOCC_OK;
     vocc_tile_load(&t, &s->points, job);
@@ -464,9 +498,6 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     g.among = NULL;
     g.work = 0;
     g.jobs = jobs;
-    g.lit = lit;
-    g.part = part;
-    g.tallies = tallies;
     g.walk.most = s->query.options.entry_triangles;
     if (s->rooms)
         return vocc_shadow_beams(&g);

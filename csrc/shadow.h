@@ -42,11 +42,10 @@ typedef struct vocc_lighting {
     size_t number; /* of the light */
     const vocc_emitter *light;
     vocc_target target;
-    /* Room for the tile's points: */
-    uint16_t *lit, *part; /* those that face the light, or maybe a part of it */
-    size_t lit_count, part_count;
-    vocc_tally *tallies;        /* of each point */
-    uint16_t owner[VOCC_BLOCK]; /* the point of each ray of the block */
+    uint8_t facing[VOCC_TILE_POINTS]; /* vocc_facing of each point */
+    int facing_alike;                 /* all are the same */
+    vocc_tally *tallies;              /* of each point */
+    uint16_t owner[VOCC_BLOCK];       /* the point of each ray of the block */
     uint16_t sample[VOCC_BLOCK];
     double weight[VOCC_BLOCK];
     /* Triangles that the rays can meet; NULL: all below the entry node. */
@@ -97,8 +96,9 @@ VOCC_INTERNAL vocc_status vocc_shadow_trace(vocc_lighting *g,
                                             const uint16_t *which, size_t count,
                                             int part_only);
 
-/* Begins light l: its target, the points that face it, outputs of the others.
- */
+/* Begins light l: its target, how it lies to the points.  Sets the outputs of
+ * those that face all of it as if it was seen whole, of the others as not
+ * traced. */
 VOCC_INTERNAL void vocc_shadow_begin_light(vocc_lighting *g, size_t l);
 
 /* Writes the outputs of a point. */

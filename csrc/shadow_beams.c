@@ -61,25 +61,37 @@ const vocc_beam_mismatch *vocc_beam_rooms_mismatch(const vocc_shadow *s)
  */
 
 /* Points that face the light, in the order of the tile, where neighbours
- * follow each other. */
-static vocc_status begin(vocc_beaming *w, size_t l)
+ * follow each other.  *all_tallied: the tallies of all of them matter; else
+ * they are lit whole, as the outputs say already, but for those that find_lit
+ * leaves pending. */
+static vocc_status begin(vocc_beaming *w, size_t l, int *all_tallied)
 {
     vocc_lighting *g = w->g;
+    const vocc_shadow *s = g->s;
     vocc_lit_tile *light = w->light;
-    size_t lit = 0, parts = 0;
+    size_t count = 0, i;
+    int parts = 0;
     g->tallies = light->tallies;
     vocc_shadow_begin_light(g, l);
     light->target = g->target;
-    light->count = 0;
     light->pending_count = light->uncertain_count = light->recent.count = 0;
-    while (lit < g->lit_count || parts < g->part_count) {
-        const int is_part =
-            lit == g->lit_count ||
-            (parts < g->part_count && g->part[parts] < g->lit[lit]);
-        const uint16_t which = is_part ? g->part[parts++] : g->lit[lit++];
-        light->is_part[which] = (uint8_t)is_part;
-        light->which[light->count++] = which;
+    if (g->facing_alike) {
+        if (g->facing[0] != VOCC_FACING_NONE)
+            for (; count < g->t->count; count++)
+                light->which[count] = (uint16_t)count;
+        memset(light->is_part, 0, g->t->count);
+    } else {
+        for (i = 0; i < g->t->count; i++) {
+            light->which[count] = (uint16_t)i;
+            count += g->facing[i] != VOCC_FACING_NONE;
+            light->is_part[i] = g->facing[i] == VOCC_FACING_PART;
+            parts |= light->is_part[i];
+        }
     }
+    light->count = count;
+    *all_tallied = parts || s->blocked || s->query.options.verify;
+    if (*all_tallied)
+        memset(light->tallies, 0, sizeof light->tallies);
     return vocc_shadow_poll(g, g->t->count / VOCC_STEPS_LIKE_A_RAY);
 }
 
@@ -99,10 +111,28 @@ static vocc_status by_rays(vocc_beaming *w)
     const vocc_lit_tile *l = w->light;
     vocc_status status = VOCC_OK;
     size_t i;
+    memset(w->light->tallies, 0, sizeof w->light->tallies);
     for (i = 0; i < l->count && status == VOCC_OK; i++)
         status =
             vocc_shadow_trace(w->g, &l->which[i], 1, l->is_part[l->which[i]]);
     return status;
+}
+
+static void clear_pending(const vocc_beaming *w)
+{
+    vocc_lit_tile *l = w->light;
+    int n, i;
+    for (n = 0; n < l->pending_count; n++)
+        for (i = 0; i < l->pending[n].count; i++)
+            memset(&l->tallies[l->which[l->pending[n].first + i]], 0,
+                   sizeof *l->tallies);
+}
+
+static void store(const vocc_beaming *w, size_t first, size_t count)
+{
+    size_t i;
+    for (i = first; i < first + count; i++)
+        vocc_shadow_store(w->g, w->light->which[i]);
 }
 
 /* One in `verify` of the points of a light, traced again. */
@@ -151,8 +181,8 @@ vocc_status vocc_shadow_beams(vocc_lighting *g)
 {
     const size_t lights = g->s->light_count;
     vocc_beaming w;
-    size_t l, first, i;
-    int n;
+    size_t l, first;
+    int n, tallied[VOCC_BEAM_LIGHTS];
     vocc_status status = VOCC_OK;
     uint64_t nodes, clusters, tests, exact;
     w.g = g;
@@ -170,30 +200,47 @@ vocc_status vocc_shadow_beams(vocc_lighting *g)
                                ? first + VOCC_BEAM_LIGHTS
                                : lights;
         for (l = first; l < end && status == VOCC_OK; l++) {
+            int *const all_tallied = &tallied[l - first];
             vocc_range all;
             w.light = &w.room->lights[l - first];
-            status = begin(&w, l);
+            status = begin(&w, l, all_tallied);
             all.first = 0;
             all.count = (uint16_t)w.light->count;
-            if (status == VOCC_OK)
-                status =
-                    resume(&w, l) ? vocc_group_find_lit(&w, all) : by_rays(&w);
+            if (status != VOCC_OK)
+                break;
+            if (resume(&w, l)) {
+                status = vocc_group_find_lit(&w, all);
+                if (!*all_tallied)
+                    clear_pending(&w);
+            } else {
+                *all_tallied = 1;
+                status = by_rays(&w);
+            }
         }
         for (l = first; l < end && status == VOCC_OK; l++) {
             w.light = &w.room->lights[l - first];
+            if (!w.light->pending_count)
+                continue;
             (void)resume(&w, l);
             for (n = 0; n < w.light->pending_count && status == VOCC_OK; n++)
                 status = vocc_group_decide(&w, w.light->pending[n], 0);
         }
         for (l = first; l < end && status == VOCC_OK; l++) {
+            const vocc_range *pending;
             w.light = &w.room->lights[l - first];
+            pending = w.light->pending;
+            if (!w.light->pending_count && !tallied[l - first])
+                continue;
             (void)resume(&w, l);
             for (n = 0; n < w.light->uncertain_count && status == VOCC_OK; n++)
                 status = vocc_group_decide(&w, w.light->uncertain[n], 1);
             if (status == VOCC_OK && g->s->query.options.verify)
                 status = verify(&w);
-            for (i = 0; i < w.light->count; i++)
-                vocc_shadow_store(g, w.light->which[i]);
+            if (tallied[l - first])
+                store(&w, 0, w.light->count);
+            else
+                for (n = 0; n < w.light->pending_count; n++)
+                    store(&w, pending[n].first, pending[n].count);
         }
     }
     w.counters->beam_nodes += w.room->beam.nodes - nodes;

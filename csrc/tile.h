@@ -2,6 +2,7 @@
 #ifndef VOCC_TILE_H
 #define VOCC_TILE_H
 
+#include "light.h"
 #include "platform.h"
 #include "threads.h"
 #include "vocc.h"
@@ -24,12 +25,16 @@ typedef struct vocc_tile {
     size_t count;    /* points that can be used */
     size_t unused;   /* points with a value that is not finite */
     double reach[3]; /* largest |coordinate| of a usable point */
+    int is_patch;    /* usable points have finite normals: */
+    vocc_patch patch;
+    int is_row; /* `number` are the caller's points from `first` on, all */
+    size_t first;
     /* Usable points, then the others. */
     size_t number[VOCC_TILE_POINTS]; /* of the caller's point */
     float point[VOCC_TILE_POINTS][3];
     double normal[VOCC_TILE_POINTS][3];
     uint32_t id[VOCC_TILE_POINTS];
-    uint64_t voxel[VOCC_TILE_POINTS]; /* 0 without by_voxel */
+    uint64_t voxel[VOCC_TILE_POINTS]; /* with by_voxel */
 } vocc_tile;
 
 /* Loads the points of a job. */

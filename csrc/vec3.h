@@ -4,6 +4,8 @@
 
 #include "platform.h"
 
+#include <math.h>
+
 VOCC_INLINE void vocc_cross(const double a[3], const double b[3], double out[3])
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
@@ -21,14 +23,15 @@ VOCC_INLINE int vocc_equal(const float a[3], const float b[3])
     return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
 }
 
+/* An instruction, not a comparison that is predicted. */
 VOCC_INLINE double vocc_abs(double x)
 {
-    return x < 0.0 ? -x : x;
+    return fabs(x);
 }
 
 VOCC_INLINE float vocc_absf(float x)
 {
-    return x < 0.0f ? -x : x;
+    return fabsf(x);
 }
 
 /* Not NaN, not infinite. */

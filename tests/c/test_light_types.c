@@ -160,6 +160,64 @@ static void samples_end_on_the_light(void)
     shape_free(&s);
 }
 
+/* Points of a patch, and its corners; what is said of all is so at each. */
+static void patches_face_alike(void)
+{
+    enum { POINTS = 24 };
+    static const double no_origin[3] = {0.0, 0.0, 0.0},
+                        sizes[] = {0.0, 1e-6, 0.05, 1.0},
+                        lengths[] = {1.0, 1e-310, 1e308};
+    test_random random = random_seed(11);
+    uint64_t said[3] = {0, 0, 0};
+    for (size_t i = 0; i < test_scaled(6000, 600); i++) {
+        const int32_t horizon =
+            i % 2 ? VOCC_HORIZON_SAMPLE : VOCC_HORIZON_CENTRE;
+        const double size = sizes[i / 2 % 4], length = lengths[i % 3];
+        double middle[3], n[3], normal[POINTS][3];
+        float point[POINTS][3];
+        uint8_t facing[POINTS];
+        vocc_facing all = VOCC_FACING_NONE;
+        vocc_patch patch;
+        vocc_emitter e;
+        REQUIRE(vocc_emitter_init(&e, &lights[i / 8 % LIGHTS], 0, no_origin,
+                                  NULL) == VOCC_OK);
+        for (int k = 0; k < 3; k++) {
+            middle[k] = random_in(&random, -3, 3);
+            n[k] = random_in(&random, -0.5, 0.5);
+            for (int j = 0; j < POINTS; j++) {
+                double at = random_in(&random, -1, 1),
+                       turn = random_in(&random, -1, 1);
+                if (j < 8)
+                    at = turn = j >> k & 1 ? 1.0 : -1.0;
+                point[j][k] = (float)(middle[k] + size * at);
+                normal[j][k] = length * (n[k] + 0.5 * size * turn);
+                if (j == 0 || (double)point[j][k] < patch.lower[k])
+                    patch.lower[k] = (double)point[j][k];
+                if (j == 0 || (double)point[j][k] > patch.upper[k])
+                    patch.upper[k] = (double)point[j][k];
+                if (j == 0 || normal[j][k] < patch.normal_lower[k])
+                    patch.normal_lower[k] = normal[j][k];
+                if (j == 0 || normal[j][k] > patch.normal_upper[k])
+                    patch.normal_upper[k] = normal[j][k];
+            }
+        }
+        vocc_emitter_face(&e, POINTS, (const float (*)[3])point,
+                          (const double (*)[3])normal, horizon, facing);
+        const int alike = vocc_emitter_facing_patch(&e, &patch, horizon, &all);
+        for (int j = 0; j < POINTS; j++) {
+            CHECK_INT(facing[j],
+                      vocc_emitter_facing(&e, point[j], normal[j], horizon));
+            if (alike)
+                CHECK_INT(facing[j], all);
+        }
+        said[alike ? all : VOCC_FACING_PART]++;
+        test_compared(POINTS);
+    }
+    CHECK(said[VOCC_FACING_ALL] > 100);
+    CHECK(said[VOCC_FACING_PART] > 100);
+    CHECK(said[VOCC_FACING_NONE] > 100);
+}
+
 /* Every cell of 2^-i by 2^-j, i + j = m, has one of 2^m samples: a (0, m,
  * 2)-net before and after the scrambling. */
 static void samples_are_a_net(void)
@@ -522,6 +580,7 @@ static void horizons(void)
 
 const test_case test_light_types_cases[] = {
     {"light_types.samples_end_on_the_light", samples_end_on_the_light},
+    {"light_types.patches_face_alike", patches_face_alike},
     {"light_types.samples_are_a_net", samples_are_a_net},
     {"light_types.all_ways", all_ways},
     {"light_types.several_scenes", several_scenes},

@@ -13,7 +13,7 @@
 #include "threads.h"
 
 /* The height of a hierarchy is less than VOCC_BVH_DEPTH. */
-enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80 };
+enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80, VOCC_NEST = VOCC_WIDE * VOCC_WIDE };
 
 #define VOCC_IS_CLUSTER 0x80000000u
 
@@ -33,6 +33,14 @@ typedef struct vocc_cluster {
     uint32_t both_sides; /* bits: no solid's, or of one wound inconsistently */
 } vocc_cluster;
 
+/* Large occluders for rays: groups of 16 neighbours.  The last are repeated. */
+typedef struct vocc_box_nest {
+    int group_count;
+    float group_lower[3][VOCC_WIDE], group_upper[3][VOCC_WIDE];
+    float lower[3][VOCC_NEST], upper[3][VOCC_NEST];
+    int32_t region[VOCC_NEST];
+} vocc_box_nest;
+
 typedef struct vocc_bvh {
     vocc_wide_node *nodes; /* the root is node 0 */
     size_t node_count;
@@ -43,6 +51,7 @@ typedef struct vocc_bvh {
     size_t box_count;
     float *box_lower[3], *box_upper[3];
     int32_t *box_region;
+    vocc_box_nest nest; /* of some of them */
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which

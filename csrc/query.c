@@ -516,6 +516,13 @@ static vocc_status trace_rays(void *context, size_t job, int worker,
             p.which = order->number + i;
         }
         load_block(q, &p, w->block);
+        if (!order) {
+            size_t x;
+            for (x = 0; x < 256*12 && q->rays->dir.stride==12; x += 64) {
+                VOCC_PREFETCH((const char*)vocc_row(&q->rays->org, p.first+p.count)+x);
+                VOCC_PREFETCH((const char*)vocc_row(&q->rays->dir, p.first+p.count)+x);
+            }
+        }
         if (q->hits) {
             q->query.kernels->closest(w->tracer, w->block);
             store_hits(q, p.first, w->block);

@@ -24,6 +24,7 @@ typedef struct vocc_wide_node {
     float normal_lower[3][VOCC_WIDE], normal_upper[3][VOCC_WIDE];
     uint32_t child[VOCC_WIDE]; /* a node, or VOCC_IS_CLUSTER and a cluster */
     uint32_t count;
+    uint32_t unused[VOCC_WIDE - 1]; /* rows are cache lines */
 } vocc_wide_node;
 
 typedef struct vocc_cluster {
@@ -31,6 +32,7 @@ typedef struct vocc_cluster {
     uint32_t triangle[VOCC_WIDE]; /* of the tree */
     uint32_t count;
     uint32_t both_sides; /* bits: no solid's, or of one wound inconsistently */
+    uint32_t unused[VOCC_WIDE - 2];
 } vocc_cluster;
 
 /* Large occluders for rays: groups of 16 neighbours.  The last are repeated. */
@@ -42,6 +44,7 @@ typedef struct vocc_box_nest {
 } vocc_box_nest;
 
 typedef struct vocc_bvh {
+    void *node_memory, *cluster_memory;
     vocc_wide_node *nodes; /* the root is node 0 */
     size_t node_count;
     vocc_cluster *clusters;

@@ -494,7 +494,8 @@ static void *at_line(void *memory)
 static void *allocate_lines(const vocc_allocator *allocator, size_t count,
                             size_t size, void **memory)
 {
-    *memory = count < SIZE_MAX ? vocc_allocate(allocator, count + 1, size) : NULL;
+    *memory =
+        count < SIZE_MAX ? vocc_allocate(allocator, count + 1, size) : NULL;
     return *memory ? at_line(*memory) : NULL;
 }
 

@@ -189,7 +189,8 @@ vocc_status vocc_query_end(vocc_query *query, vocc_status status,
 enum {
     JOB_RAYS = 16 * VOCC_BLOCK,
     MOST_JOB_RAYS = VOCC_ORDER_RAYS,
-    LEAST_SORTED = 4 * VOCC_BLOCK
+    LEAST_SORTED = 4 * VOCC_BLOCK,
+    MOST_STRIDE = 64 /* bytes: of rows that are fetched before their block */
 };
 
 typedef struct ray_query {
@@ -279,6 +280,18 @@ static void load_scalars(vocc_array array, float none, const places *p,
     }
     for (i = 0; i < p->count; i++)
         out[i] = (float)vocc_get_float(&array, place(p, i), 0);
+}
+
+/* Vectors of the block that begins at a row, which may be beyond the last. */
+static void fetch_rows(const vocc_array *array, size_t first, size_t count)
+{
+    const size_t stride = (size_t)array->stride;
+    size_t at = 0;
+    if (array->stride <= 0 || stride > MOST_STRIDE || first >= count)
+        return;
+    count = count - first < VOCC_BLOCK ? count - first : VOCC_BLOCK;
+    for (at = 0; at < count * stride; at += 64)
+        VOCC_PREFETCH((const char *)vocc_row(array, first) + at);
 }
 
 static void load_block(const ray_query *q, const places *p, vocc_block *block)
@@ -517,11 +530,8 @@ static vocc_status trace_rays(void *context, size_t job, int worker,
         }
         load_block(q, &p, w->block);
         if (!order) {
-            size_t x;
-            for (x = 0; x < 256*12 && q->rays->dir.stride==12; x += 64) {
-                VOCC_PREFETCH((const char*)vocc_row(&q->rays->org, p.first+p.count)+x);
-                VOCC_PREFETCH((const char*)vocc_row(&q->rays->dir, p.first+p.count)+x);
-            }
+            fetch_rows(&q->rays->org, p.first + p.count, q->rays->count);
+            fetch_rows(&q->rays->dir, p.first + p.count, q->rays->count);
         }
         if (q->hits) {
             q->query.kernels->closest(w->tracer, w->block);

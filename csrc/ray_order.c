@@ -17,21 +17,22 @@ static uint64_t spread(unsigned cell)
     return bits;
 }
 
-/* Origin and end; where that is far away, a point beyond the scene. */
-static void ends_of(const vocc_ray_order *o, const vocc_block *b, size_t i,
-                    float at[AXES])
+/* Ends of rays; where they are far away, points beyond the scene. */
+static void find_ends(const vocc_ray_order *o, const vocc_block *b,
+                      float end[3][VOCC_BLOCK])
 {
-    float largest = 0.0f, length;
+    float length[VOCC_BLOCK];
+    size_t i;
     int k;
-    for (k = 0; k < 3; k++)
-        largest = vocc_absf(b->dir[k][i]) > largest ? vocc_absf(b->dir[k][i])
-                                                    : largest;
-    length = 4.0f * o->size / largest;
-    length = b->tmax[i] < length ? b->tmax[i] : length;
-    for (k = 0; k < 3; k++) {
-        at[k] = b->org[k][i];
-        at[3 + k] = b->org[k][i] + length * b->dir[k][i];
+    for (i = 0; i < b->count; i++) {
+        const float x = vocc_absf(b->dir[0][i]), y = vocc_absf(b->dir[1][i]),
+                    z = vocc_absf(b->dir[2][i]), xy = x > y ? x : y,
+                    far = 4.0f * o->size / (xy > z ? xy : z);
+        length[i] = b->tmax[i] < far ? b->tmax[i] : far;
     }
+    for (k = 0; k < 3; k++)
+        for (i = 0; i < b->count; i++)
+            end[k][i] = b->org[k][i] + length[i] * b->dir[k][i];
 }
 
 void vocc_ray_order_begin(vocc_ray_order *o, float size)
@@ -47,19 +48,19 @@ void vocc_ray_order_begin(vocc_ray_order *o, float size)
 
 void vocc_ray_order_look(vocc_ray_order *o, const vocc_block *b)
 {
+    float end[3][VOCC_BLOCK];
     size_t i;
     int k;
-    for (i = 0; i < b->count; i++) {
-        float at[AXES];
-        ends_of(o, b, i, at);
-        for (k = 0; k < AXES; k++) {
-            o->lower[k] = at[k] < o->lower[k] ? at[k] : o->lower[k];
-            o->upper[k] = at[k] > o->upper[k] ? at[k] : o->upper[k];
+    find_ends(o, b, end);
+    for (k = 0; k < AXES; k++) {
+        const float *const at = k < 3 ? b->org[k] : end[k - 3];
+        for (i = 0; i < b->count; i++) {
+            o->lower[k] = at[i] < o->lower[k] ? at[i] : o->lower[k];
+            o->upper[k] = at[i] > o->upper[k] ? at[i] : o->upper[k];
         }
     }
     for (k = 0; k < 2; k++) {
-        const float *const low = o->lower + 3 * k, *const high =
-                                                       o->upper + 3 * k;
+        const float *low = o->lower + 3 * k, *high = o->upper + 3 * k;
         float width = high[0] - low[0];
         width = high[1] - low[1] > width ? high[1] - low[1] : width;
         width = high[2] - low[2] > width ? high[2] - low[2] : width;
@@ -71,23 +72,30 @@ void vocc_ray_order_look(vocc_ray_order *o, const vocc_block *b)
 void vocc_ray_order_add(vocc_ray_order *o, const vocc_block *b)
 {
     const float most = (float)(VOCC_ORDER_CELLS - 1);
+    float end[3][VOCC_BLOCK];
+    int32_t cell[AXES][VOCC_BLOCK];
     uint64_t bits[VOCC_ORDER_CELLS];
-    unsigned cell;
+    unsigned c;
     size_t i;
     int k;
-    for (cell = 0; cell < VOCC_ORDER_CELLS; cell++)
-        bits[cell] = spread(cell) << NUMBER_BITS;
-    for (i = 0; i < b->count; i++) {
-        uint64_t key = o->count;
-        float at[AXES];
-        ends_of(o, b, i, at);
-        for (k = 0; k < AXES; k++) {
-            const float x = (at[k] - o->lower[k]) * o->per_unit[k / 3];
-            /* NaN: 0. */
-            key |= bits[(int)(x > 0.0f ? x < most ? x : most : 0.0f)] << k;
+    for (c = 0; c < VOCC_ORDER_CELLS; c++)
+        bits[c] = spread(c) << NUMBER_BITS;
+    find_ends(o, b, end);
+    for (k = 0; k < AXES; k++) {
+        const float *const at = k < 3 ? b->org[k] : end[k - 3];
+        const float lower = o->lower[k], per_unit = o->per_unit[k / 3];
+        for (i = 0; i < b->count; i++) {
+            const float x = (at[i] - lower) * per_unit,
+                        positive = x > 0.0f ? x : 0.0f; /* NaN: 0 */
+            cell[k][i] = (int32_t)(positive < most ? positive : most);
         }
-        o->keys[0][o->count++] = key;
     }
+    for (i = 0; i < b->count; i++)
+        o->keys[0][o->count + i] =
+            (o->count + i) | bits[cell[0][i]] | bits[cell[1][i]] << 1 |
+            bits[cell[2][i]] << 2 | bits[cell[3][i]] << 3 |
+            bits[cell[4][i]] << 4 | bits[cell[5][i]] << 5;
+    o->count += b->count;
 }
 
 /* By the digits, the lowest first. */

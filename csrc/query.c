@@ -579,13 +579,11 @@ static vocc_status make_beams(ray_query *q, const vocc_query_options *asked)
     return VOCC_OK;
 }
 
-/* So many that all threads have some, and as can be sorted together. */
-static size_t rays_a_job(const ray_query *q, const vocc_query_options *asked)
+/* So many that threads have some each, whatever their number: counters must not
+ * depend on it. */
+static size_t rays_a_job(const ray_query *q)
 {
-    const size_t threads = (size_t)(asked && asked->threads > 0
-                                        ? asked->threads
-                                        : vocc_processor_count()),
-                 share = q->rays->count / (4 * threads);
+    const size_t share = q->rays->count / 32;
     return q->hits || share < JOB_RAYS ? JOB_RAYS
            : share < MOST_JOB_RAYS     ? share
                                        : MOST_JOB_RAYS;
@@ -607,7 +605,7 @@ static vocc_status run_rays(const vocc_scene *scene, ray_query *q,
 {
     size_t jobs;
     vocc_status status;
-    q->job_rays = rays_a_job(q, options);
+    q->job_rays = rays_a_job(q);
     jobs = q->rays->count / q->job_rays + (q->rays->count % q->job_rays != 0);
     status = vocc_query_begin(&q->query, scene, options, jobs, error);
     if (status != VOCC_OK)

@@ -417,7 +417,7 @@ typedef struct vocc_counters {
     uint64_t beams;         /* groups, and parts of them, looked at */
     uint64_t beam_nodes;    /* 16 children each */
     uint64_t beam_clusters; /* 16 triangles each, against a beam */
-    uint64_t beam_tests;    /* ray x cluster */
+    uint64_t beam_tests;    /* ray x cluster, or 16 rays x triangle */
 } vocc_counters;
 
 typedef struct vocc_query_options {

@@ -13,7 +13,7 @@
 #include "threads.h"
 
 /* The height of a hierarchy is less than VOCC_BVH_DEPTH. */
-enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80 };
+enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80, VOCC_NEST = VOCC_WIDE * VOCC_WIDE };
 
 #define VOCC_IS_CLUSTER 0x80000000u
 
@@ -24,6 +24,7 @@ typedef struct vocc_wide_node {
     float normal_lower[3][VOCC_WIDE], normal_upper[3][VOCC_WIDE];
     uint32_t child[VOCC_WIDE]; /* a node, or VOCC_IS_CLUSTER and a cluster */
     uint32_t count;
+    uint32_t unused[VOCC_WIDE - 1]; /* rows are cache lines */
 } vocc_wide_node;
 
 typedef struct vocc_cluster {
@@ -34,9 +35,19 @@ typedef struct vocc_cluster {
     /* All lie between two planes: normal . x is slab[0] to slab[1].  All are 0
      * if there is no mean normal. */
     float normal[3], slab[2];
+    uint32_t unused[VOCC_WIDE - 7];
 } vocc_cluster;
 
+/* Large occluders for rays: groups of 16 neighbours.  The last are repeated. */
+typedef struct vocc_box_nest {
+    int group_count;
+    float group_lower[3][VOCC_WIDE], group_upper[3][VOCC_WIDE];
+    float lower[3][VOCC_NEST], upper[3][VOCC_NEST];
+    int32_t region[VOCC_NEST];
+} vocc_box_nest;
+
 typedef struct vocc_bvh {
+    void *node_memory, *cluster_memory;
     vocc_wide_node *nodes; /* the root is node 0 */
     size_t node_count;
     vocc_cluster *clusters;
@@ -46,6 +57,7 @@ typedef struct vocc_bvh {
     size_t box_count;
     float *box_lower[3], *box_upper[3];
     int32_t *box_region;
+    vocc_box_nest nest; /* of some of them */
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which

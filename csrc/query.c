@@ -3,6 +3,7 @@
 #include "beam.h"
 #include "isa.h"
 #include "memory.h"
+#include "ray_order.h"
 #include "shaft.h"
 #include "status.h"
 #include "vec3.h"
@@ -184,8 +185,13 @@ vocc_status vocc_query_end(vocc_query *query, vocc_status status,
 /* ---- rays
  * -------------------------------------------------------------------- */
 
-/* Rays a job: some milliseconds. */
-enum { JOB_RAYS = 16 * VOCC_BLOCK };
+/* Rays a job: some milliseconds.  Many are worth sorting. */
+enum {
+    JOB_RAYS = 16 * VOCC_BLOCK,
+    MOST_JOB_RAYS = VOCC_ORDER_RAYS,
+    LEAST_SORTED = 4 * VOCC_BLOCK,
+    MOST_STRIDE = 64 /* bytes: of rows that are fetched before their block */
+};
 
 typedef struct ray_query {
     vocc_query query;
@@ -194,7 +200,8 @@ typedef struct ray_query {
     uint8_t *occluded;
     /* One a worker; NULL: through the kd-tree. */
     vocc_beam *beams;
-    int may_group; /* coherent rays through the kd-tree */
+    vocc_ray_order **orders; /* one a worker; NULL until there is work for it */
+    size_t job_rays;
     const vocc_beam_kernels *beam_kernels;
     /* With hits: NULL, or shading points. */
     float *position, *normal;
@@ -217,14 +224,25 @@ static vocc_status check_rays(const vocc_rays *rays, vocc_error *error)
     return status;
 }
 
-static void load_vectors(vocc_array array, const double origin[3], size_t first,
-                         size_t count, float *x, float *y, float *z)
+/* Where rows are: `first` and so on; or after it by the numbers of `which`. */
+typedef struct places {
+    size_t first, count;
+    const uint16_t *which;
+} places;
+
+VOCC_INLINE size_t place(const places *p, size_t i)
+{
+    return p->first + (p->which ? (size_t)p->which[i] : i);
+}
+
+static void load_vectors(vocc_array array, const double origin[3],
+                         const places *p, float *x, float *y, float *z)
 {
     const int moved = origin[0] != 0.0 || origin[1] != 0.0 || origin[2] != 0.0;
     size_t i;
-    if (array.type == VOCC_FLOAT32 && !moved) {
-        const char *row = vocc_row(&array, first);
-        for (i = 0; i < count; i++, row += array.stride) {
+    if (array.type == VOCC_FLOAT32 && !moved && !p->which) {
+        const char *row = vocc_row(&array, p->first);
+        for (i = 0; i < p->count; i++, row += array.stride) {
             const float *v = (const float *)(const void *)row;
             x[i] = v[0];
             y[i] = v[1];
@@ -232,32 +250,61 @@ static void load_vectors(vocc_array array, const double origin[3], size_t first,
         }
         return;
     }
-    for (i = 0; i < count; i++) {
-        x[i] = (float)(vocc_get_float(&array, first + i, 0) - origin[0]);
-        y[i] = (float)(vocc_get_float(&array, first + i, 1) - origin[1]);
-        z[i] = (float)(vocc_get_float(&array, first + i, 2) - origin[2]);
+    if (array.type == VOCC_FLOAT32 && !moved) {
+        for (i = 0; i < p->count; i++) {
+            const float *v = vocc_row(&array, place(p, i));
+            x[i] = v[0];
+            y[i] = v[1];
+            z[i] = v[2];
+        }
+        return;
+    }
+    for (i = 0; i < p->count; i++) {
+        const size_t row = place(p, i);
+        x[i] = (float)(vocc_get_float(&array, row, 0) - origin[0]);
+        y[i] = (float)(vocc_get_float(&array, row, 1) - origin[1]);
+        z[i] = (float)(vocc_get_float(&array, row, 2) - origin[2]);
     }
 }
 
-static void load_scalars(vocc_array array, float none, size_t first,
-                         size_t count, float *out)
+static void load_scalars(vocc_array array, float none, const places *p,
+                         float *out)
 {
     size_t i;
-    for (i = 0; i < count; i++)
-        out[i] =
-            array.data ? (float)vocc_get_float(&array, first + i, 0) : none;
+    if (!array.data || array.stride == 0) {
+        const float all =
+            array.data ? (float)vocc_get_float(&array, 0, 0) : none;
+        for (i = 0; i < p->count; i++)
+            out[i] = all;
+        return;
+    }
+    for (i = 0; i < p->count; i++)
+        out[i] = (float)vocc_get_float(&array, place(p, i), 0);
 }
 
-static void load_block(const ray_query *q, size_t first, vocc_block *block)
+/* Vectors of the block that begins at a row, which may be beyond the last. */
+static void fetch_rows(const vocc_array *array, size_t first, size_t count)
+{
+    const size_t stride = (size_t)array->stride;
+    size_t at = 0;
+    if (array->stride <= 0 || stride > MOST_STRIDE || first >= count)
+        return;
+    count = count - first < VOCC_BLOCK ? count - first : VOCC_BLOCK;
+    for (at = 0; at < count * stride; at += 64)
+        VOCC_PREFETCH((const char *)vocc_row(array, first) + at);
+}
+
+static void load_block(const ray_query *q, const places *p, vocc_block *block)
 {
     static const double nowhere[3] = {0.0, 0.0, 0.0};
     size_t i;
-    load_vectors(q->rays->org, q->query.scene->built.origin, first,
-                 block->count, block->org[0], block->org[1], block->org[2]);
-    load_vectors(q->rays->dir, nowhere, first, block->count, block->dir[0],
-                 block->dir[1], block->dir[2]);
-    load_scalars(q->rays->tmin, 0.0f, first, block->count, block->tmin);
-    load_scalars(q->rays->tmax, INFINITY, first, block->count, block->tmax);
+    block->count = p->count;
+    load_vectors(q->rays->org, q->query.scene->built.origin, p, block->org[0],
+                 block->org[1], block->org[2]);
+    load_vectors(q->rays->dir, nowhere, p, block->dir[0], block->dir[1],
+                 block->dir[2]);
+    load_scalars(q->rays->tmin, 0.0f, p, block->tmin);
+    load_scalars(q->rays->tmax, INFINITY, p, block->tmax);
     for (i = 0; i < block->count; i++)
         block->end_region[i] = block->tmax[i] > FLT_MAX ? 0 : VOCC_END_UNKNOWN;
 }
@@ -349,18 +396,18 @@ static void store_shading_points(const ray_query *q, size_t first,
     }
 }
 
-/* Whether most rays are like their neighbours, so that packets of four of them
- * stay together in the kd-tree.  One packet in four is looked at. */
+/* Whether most rays are like their neighbours, so that packets of 16 stay
+ * together as they come. */
 static int is_coherent(const vocc_block *b, float scale)
 {
     size_t packets = 0, alike = 0, i, j;
-    for (i = 0; i + 4 <= b->count; i += 16) {
+    for (i = 0; i + VOCC_WIDE <= b->count; i += VOCC_WIDE) {
         float reach = 0.0f, apart = 0.0f, turned = 0.0f;
         int k;
         for (k = 0; k < 3; k++) {
             const float d = vocc_absf(b->dir[k][i]);
             reach = d > reach ? d : reach;
-            for (j = i + 1; j < i + 4; j++) {
+            for (j = i + 1; j < i + VOCC_WIDE; j++) {
                 const float o = vocc_absf(b->org[k][j] - b->org[k][i]),
                             t = vocc_absf(b->dir[k][j] - b->dir[k][i]);
                 apart = o > apart ? o : apart;
@@ -368,7 +415,7 @@ static int is_coherent(const vocc_block *b, float scale)
             }
         }
         packets++;
-        alike += apart <= scale * 0x1p-6f && turned <= reach * 0x1p-2f;
+        alike += apart <= scale * 0x1p-6f && turned <= reach * 0x1p-1f;
     }
     return alike * 4 >= packets * 3;
 }
@@ -401,33 +448,103 @@ static void trace_wide(const ray_query *q, int worker)
     c->exact_tests += b->exact_tests - exact;
 }
 
+/* Places of the next block, from `i` of a job's rays on. */
+static places next_block(const ray_query *q, size_t job, size_t count, size_t i)
+{
+    places p;
+    p.first = job * q->job_rays + i;
+    p.count = count - i < VOCC_BLOCK ? count - i : VOCC_BLOCK;
+    p.which = NULL;
+    return p;
+}
+
+/* *order is NULL where the rays are to be taken as they come. */
+static vocc_status sort_rays(const ray_query *q, size_t job, size_t count,
+                             int worker, const vocc_ray_order **order)
+{
+    vocc_block *const block = q->query.workers[worker].block;
+    const vocc_scene *scene = q->query.scene;
+    const float scale = scene->built.tree.scale;
+    vocc_ray_order *o = q->orders[worker];
+    size_t i, blocks = 0, coherent = 0;
+    *order = NULL;
+    if (count < LEAST_SORTED)
+        return VOCC_OK;
+    if (!o)
+        o = q->orders[worker] = vocc_allocate(&scene->allocator, 1, sizeof *o);
+    if (!o)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    vocc_ray_order_begin(o, scale);
+    for (i = 0; i + VOCC_BLOCK <= count; i += 8 * VOCC_BLOCK) {
+        const places p = next_block(q, job, count, i);
+        load_block(q, &p, block);
+        blocks++;
+        coherent += is_coherent(block, scale) != 0;
+        vocc_ray_order_look(o, block);
+    }
+    if (4 * coherent >= 3 * blocks)
+        return VOCC_OK;
+    for (i = 0; i < count; i += VOCC_BLOCK) {
+        const places p = next_block(q, job, count, i);
+        load_block(q, &p, block);
+        vocc_ray_order_add(o, block);
+    }
+    vocc_ray_order_sort(o);
+    *order = o;
+    return VOCC_OK;
+}
+
+static void store_occluded(const ray_query *q, const places *p,
+                           const vocc_block *block)
+{
+    size_t i;
+    if (!p->which)
+        memcpy(q->occluded + p->first, block->occluded, p->count);
+    else
+        for (i = 0; i < p->count; i++)
+            q->occluded[place(p, i)] = block->occluded[i];
+}
+
 static vocc_status trace_rays(void *context, size_t job, int worker,
                               vocc_jobs *jobs)
 {
     ray_query *q = context;
     const vocc_worker *w = &q->query.workers[worker];
-    const float scale = q->query.scene->built.tree.scale;
-    size_t first = job * JOB_RAYS, end = first + JOB_RAYS;
+    const size_t rest = q->rays->count - job * q->job_rays,
+                 count = rest < q->job_rays ? rest : q->job_rays;
+    const vocc_ray_order *order = NULL;
+    size_t i;
     (void)jobs;
-    if (end > q->rays->count)
-        end = q->rays->count;
     /* So that counters do not depend on which worker took which job. */
     vocc_tracer_forget(w->tracer);
-    for (; first < end; first += w->block->count) {
-        w->block->count = end - first < VOCC_BLOCK ? end - first : VOCC_BLOCK;
-        load_block(q, first, w->block);
+    if (q->beams) {
+        const vocc_status status = sort_rays(q, job, count, worker, &order);
+        if (status != VOCC_OK)
+            return status;
+    }
+    for (i = 0; i < count; i += VOCC_BLOCK) {
+        places p = next_block(q, job, count, i);
+        if (order) {
+            p.first = job * q->job_rays;
+            p.which = order->number + i;
+        }
+        load_block(q, &p, w->block);
+        if (!order) {
+            fetch_rows(&q->rays->org, p.first + p.count, q->rays->count);
+            fetch_rows(&q->rays->dir, p.first + p.count, q->rays->count);
+        }
         if (q->hits) {
             q->query.kernels->closest(w->tracer, w->block);
-            store_hits(q, first, w->block);
+            store_hits(q, p.first, w->block);
             if (q->position || q->normal)
-                store_shading_points(q, first, w->block);
-        } else {
-            if (q->beams && !(q->may_group && is_coherent(w->block, scale)))
-                trace_wide(q, worker);
-            else
-                q->query.kernels->occluded(w->tracer, w->block);
-            memcpy(q->occluded + first, w->block->occluded, w->block->count);
+                store_shading_points(q, p.first, w->block);
+            continue;
         }
+        if (q->beams)
+            trace_wide(q, worker);
+        else
+            q->query.kernels->occluded(w->tracer, w->block);
+        store_occluded(q, &p, w->block);
     }
     return VOCC_OK;
 }
@@ -439,7 +556,7 @@ static vocc_status make_beams(ray_query *q, const vocc_query_options *asked)
     int32_t method = asked ? asked->method : VOCC_METHOD_AUTO;
     int i;
     q->beams = NULL;
-    q->may_group = method == VOCC_METHOD_AUTO;
+    q->orders = NULL;
     if (method == VOCC_METHOD_AUTO)
         method = !asked || (asked->order == VOCC_ORDER_AUTO && asked->packets)
                      ? VOCC_METHOD_BEAMS
@@ -448,31 +565,55 @@ static vocc_status make_beams(ray_query *q, const vocc_query_options *asked)
         return VOCC_OK;
     q->beams = vocc_allocate(&scene->allocator, (size_t)q->query.worker_count,
                              sizeof *q->beams);
-    if (!q->beams)
+    q->orders = vocc_allocate(&scene->allocator, (size_t)q->query.worker_count,
+                              sizeof *q->orders);
+    if (!q->beams || !q->orders)
         return VOCC_ERROR_OUT_OF_MEMORY;
     q->beam_kernels = vocc_find_beam_kernels(q->query.options.isa);
     memset(q->beams, 0, (size_t)q->query.worker_count * sizeof *q->beams);
     for (i = 0; i < q->query.worker_count; i++) {
         q->beams[i].tree = &scene->built.tree;
         q->beams[i].bvh = &scene->built.bvh;
+        q->orders[i] = NULL;
     }
     return VOCC_OK;
+}
+
+/* So many that threads have some each, whatever their number: counters must not
+ * depend on it. */
+static size_t rays_a_job(const ray_query *q)
+{
+    const size_t share = q->rays->count / 32;
+    return q->hits || share < JOB_RAYS ? JOB_RAYS
+           : share < MOST_JOB_RAYS     ? share
+                                       : MOST_JOB_RAYS;
+}
+
+static void free_beams(ray_query *q)
+{
+    const vocc_allocator *a = &q->query.scene->allocator;
+    int i;
+    for (i = 0; q->orders && i < q->query.worker_count; i++)
+        vocc_release(a, q->orders[i]);
+    vocc_release(a, q->orders);
+    vocc_release(a, q->beams);
 }
 
 static vocc_status run_rays(const vocc_scene *scene, ray_query *q,
                             const vocc_query_options *options,
                             vocc_error *error)
 {
-    const size_t jobs =
-        q->rays->count / JOB_RAYS + (q->rays->count % JOB_RAYS != 0);
-    vocc_status status =
-        vocc_query_begin(&q->query, scene, options, jobs, error);
+    size_t jobs;
+    vocc_status status;
+    q->job_rays = rays_a_job(q);
+    jobs = q->rays->count / q->job_rays + (q->rays->count % q->job_rays != 0);
+    status = vocc_query_begin(&q->query, scene, options, jobs, error);
     if (status != VOCC_OK)
         return status;
     status = make_beams(q, options);
     if (status == VOCC_OK)
         status = vocc_query_run(&q->query, jobs, trace_rays, q);
-    vocc_release(&q->query.scene->allocator, q->beams);
+    free_beams(q);
     return vocc_query_end(&q->query, status, error);
 }
 
@@ -550,10 +691,14 @@ static vocc_status find_region(point_query *q, size_t i, vocc_seed *seed)
     static const double exactly[3] = {0.0, 0.0, 0.0};
     const vocc_scene *scene = q->query.scene;
     const vocc_solids solids = vocc_scene_solids(scene);
+    places one;
     float p[3];
     double wide[3];
     int k;
-    load_vectors(q->points, scene->built.origin, i, 1, &p[0], &p[1], &p[2]);
+    one.first = i;
+    one.count = 1;
+    one.which = NULL;
+    load_vectors(q->points, scene->built.origin, &one, &p[0], &p[1], &p[2]);
     for (k = 0; k < 3; k++) {
         wide[k] = (double)p[k];
         if (!vocc_finitef(p[k])) {

@@ -373,13 +373,13 @@ typedef enum vocc_isa {
 typedef enum vocc_method {
     /* RAYS if `order` is not AUTO or `packets` is 0; for lights also if
      * `entry_points`, `voxels` or `point_steps` are set or there are less than
-     * 12 rays a triangle.  Else BEAMS; vocc_occluded takes them for rays that
-     * are not like their neighbours, RAYS for the others. */
+     * 12 rays a triangle.  Else BEAMS. */
     VOCC_METHOD_AUTO = 0,
     /* Through the kd-tree, four at a time: `order` and the options below it. */
     VOCC_METHOD_RAYS = 1,
     /* Through a hierarchy of 16 children a node: groups of points and parts of
-     * a light at once; the rays of vocc_occluded one by one. */
+     * a light at once; the rays of vocc_occluded 16 at a time, sorted where
+     * neighbours are far apart. */
     VOCC_METHOD_BEAMS = 2
 } vocc_method;
 
@@ -417,7 +417,7 @@ typedef struct vocc_counters {
     uint64_t beams;         /* groups, and parts of them, looked at */
     uint64_t beam_nodes;    /* 16 children each */
     uint64_t beam_clusters; /* 16 triangles each, against a beam */
-    uint64_t beam_tests;    /* ray x cluster */
+    uint64_t beam_tests;    /* ray x cluster, or 16 rays x triangle */
 } vocc_counters;
 
 typedef struct vocc_query_options {

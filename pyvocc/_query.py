@@ -57,7 +57,7 @@ class QueryOptions(TypedDict, total=False):
             node, for lights groups of points and parts of a light at once. "auto" (default):
             "rays" if an order is given or packets are off, for lights also if entry points,
             voxels or the steps of points are asked for or there are less than 12 rays for each
-            triangle; else "beams", but for rays that are like their neighbours in `occluded`.
+            triangle; else "beams".
             `ambient_occlusion` has no beams yet.
         verify: n: `light_visibility` by beams traces one in n of the points of each light again,
             ray by ray without occluders, and raises MismatchError if a count differs; not with

@@ -40,7 +40,7 @@ class Stats:
         beam_box_rays: those of the latter that an occluder blocked.
         beams: groups of points, and parts of them, looked at.
         beam_nodes, beam_clusters: nodes (16 children) and clusters (16 triangles) looked at.
-        beam_tests: ray x cluster.
+        beam_tests: ray x cluster, or 16 rays x triangle.
         isa: the instruction set that ran last ("" before); it is no counter, and not compared.
     """
 

@@ -156,3 +156,37 @@ def test_rays_through_the_hierarchy_answer_as_through_the_tree(
     actual = scene.occluded(org, dir, 0.0, tmax, method="beams", isa=isa, occluders=occluders)
     np.testing.assert_array_equal(actual, expected)
     np.testing.assert_array_equal(scene.occluded(org, dir, 0.0, tmax), expected)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    meshes=st.lists(boxes() | soups(), min_size=1, max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+    spread=st.tuples(*2 * (st.sampled_from([0.0, 2.0**-10, 0.125, 1.0]),)),
+    count=st.sampled_from([16, 250, 2000]),
+    isa=st.sampled_from(pyvocc.isas()),
+)
+def test_packets_answer_as_through_the_tree(
+    meshes: list[Mesh], seed: int, spread: tuple[float, float], count: int, isa: str
+) -> None:
+    scene = pyvocc.Scene(threads=1)
+    for vertices, triangles in meshes:
+        scene.add_mesh(vertices, triangles)
+    scene.build()
+    random = np.random.default_rng(seed)
+
+    def points(width: float) -> Floats:
+        """Sixteen on a small grid around each of some on a large one."""
+        around = np.repeat(random.integers(-8, 9, (count // 16 + 1, 3)) / 4, 16, axis=0)[:count]
+        return np.float32(around + width * random.integers(-2, 3, (count, 3)))
+
+    org = points(spread[0])
+    dir = points(spread[1]) - org
+    tmin = random.choice(np.float32([0, 0, 0.25, -1]), count)
+    tmax = random.choice(np.float32([1, 1, 0.5, np.inf]), count)
+    expected = scene.occluded(
+        org, dir, tmin, tmax, method="rays", order="standard", occluders=False, packets=False
+    )
+    for occluders in (False, True):
+        actual = scene.occluded(org, dir, tmin, tmax, isa=isa, occluders=occluders)
+        np.testing.assert_array_equal(actual, expected)

@@ -47,7 +47,7 @@ typedef struct vocc_beam_list {
     int count;
     int closed; /* nodes, of which all below may be met */
     float near; /* where the slices meet them, on average */
-    float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
+    VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
     float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
     uint32_t child[VOCC_BEAM_LIST + VOCC_WIDE];
 } vocc_beam_list;
@@ -55,7 +55,7 @@ typedef struct vocc_beam_list {
 /* Occluders that a beam meets; if there are more, the first. */
 typedef struct vocc_beam_boxes {
     int count;
-    float lower[3][VOCC_BEAM_BOXES + VOCC_WIDE];
+    VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_BEAM_BOXES + VOCC_WIDE];
     float upper[3][VOCC_BEAM_BOXES + VOCC_WIDE];
 } vocc_beam_boxes;
 
@@ -68,7 +68,7 @@ typedef struct vocc_beam {
 
     /* The points. */
     size_t count;
-    float point[3][VOCC_BEAM_POINTS];
+    VOCC_ALIGN(VOCC_LINE) float point[3][VOCC_BEAM_POINTS];
     float lower[3], upper[3];
     float centre[3];
     float axis[3][3]; /* half axes of a box around the points */
@@ -104,7 +104,7 @@ typedef struct vocc_beam {
 /* Sixteen beams, as a vocc_beam's slices; bits of those whose steps are
  * positive. */
 typedef struct vocc_slices {
-    float lower[3][VOCC_WIDE], upper[3][VOCC_WIDE];
+    VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_WIDE], upper[3][VOCC_WIDE];
     float step_lower[3][VOCC_WIDE], step_upper[3][VOCC_WIDE];
     unsigned rising_lower[3], rising_upper[3];
 } vocc_slices;
@@ -115,7 +115,7 @@ typedef struct vocc_beam_rays {
     float tmax;                    /* of all */
     uint8_t owner[VOCC_BEAM_RAYS]; /* point of the beam */
     float norm;                    /* no |dir|, 1-norm, is larger */
-    float org[3][VOCC_BEAM_RAYS + VOCC_WIDE];
+    VOCC_ALIGN(VOCC_LINE) float org[3][VOCC_BEAM_RAYS + VOCC_WIDE];
     float dir[3][VOCC_BEAM_RAYS + VOCC_WIDE];
     float from[3][VOCC_BEAM_RAYS + VOCC_WIDE];    /* org - centre */
     float inverse[3][VOCC_BEAM_RAYS + VOCC_WIDE]; /* 1 / dir */
@@ -132,7 +132,7 @@ typedef struct vocc_beam_fans {
     int blocks;
     float tmax, norm; /* of all: as vocc_beam_rays */
     /* Blocks along the first two axes of the ends, -1 to 1. */
-    float middle[2][VOCC_WIDE], half[2][VOCC_WIDE];
+    VOCC_ALIGN(VOCC_LINE) float middle[2][VOCC_WIDE], half[2][VOCC_WIDE];
     float far_lower[3][VOCC_WIDE], far_upper[3][VOCC_WIDE]; /* their ends */
     const float *dir[3];
     float *inverse[3];                   /* room for 1 / dir */

@@ -523,34 +523,15 @@ static size_t load_items(const vocc_tree *tree, item *items)
     return count;
 }
 
-/* Nodes and clusters begin with a cache line. */
-enum { LINE = 64 };
-
-static void *at_line(void *memory)
-{
-    return (char *)memory + (LINE - (uintptr_t)memory % LINE) % LINE;
-}
-
-/* One item more, so that there is room to move. */
-static void *allocate_lines(const vocc_allocator *allocator, size_t count,
-                            size_t size, void **memory)
-{
-    *memory =
-        count < SIZE_MAX ? vocc_allocate(allocator, count + 1, size) : NULL;
-    return *memory ? at_line(*memory) : NULL;
-}
-
 /* Gives back what was reserved for more nodes. */
 static int fit_nodes(const vocc_allocator *allocator, vocc_bvh *bvh)
 {
-    void *memory;
     vocc_wide_node *const nodes =
-        allocate_lines(allocator, bvh->node_count, sizeof *nodes, &memory);
+        vocc_allocate_lines(allocator, bvh->node_count, sizeof *nodes);
     if (!nodes)
         return 0;
     memcpy(nodes, bvh->nodes, bvh->node_count * sizeof *nodes);
-    vocc_release(allocator, bvh->node_memory);
-    bvh->node_memory = memory;
+    vocc_release_lines(allocator, bvh->nodes);
     bvh->nodes = nodes;
     return 1;
 }
@@ -691,10 +672,9 @@ static vocc_status build_tree(builder *b, size_t count,
     b->pairs = vocc_allocate(allocator, 2 * clusters, sizeof *b->pairs);
     b->top = vocc_allocate(allocator, clusters, sizeof *b->top);
     b->jobs = vocc_allocate(allocator, clusters, sizeof *b->jobs);
-    bvh->clusters = allocate_lines(allocator, clusters, sizeof *bvh->clusters,
-                                   &bvh->cluster_memory);
-    bvh->nodes = allocate_lines(allocator, clusters, sizeof *bvh->nodes,
-                                &bvh->node_memory);
+    bvh->clusters =
+        vocc_allocate_lines(allocator, clusters, sizeof *bvh->clusters);
+    bvh->nodes = vocc_allocate_lines(allocator, clusters, sizeof *bvh->nodes);
     if (!b->pairs || !b->top || !b->jobs || !bvh->clusters || !bvh->nodes)
         return VOCC_ERROR_OUT_OF_MEMORY;
     bvh->cluster_count = clusters;
@@ -738,8 +718,8 @@ vocc_status vocc_bvh_build(const vocc_allocator *allocator,
 
 void vocc_bvh_free(const vocc_allocator *allocator, vocc_bvh *bvh)
 {
-    vocc_release(allocator, bvh->node_memory);
-    vocc_release(allocator, bvh->cluster_memory);
+    vocc_release_lines(allocator, bvh->nodes);
+    vocc_release_lines(allocator, bvh->clusters);
     vocc_release(allocator, bvh->box_lower[0]);
     vocc_release(allocator, bvh->box_region);
     memset(bvh, 0, sizeof *bvh);

@@ -47,7 +47,6 @@ typedef struct vocc_box_nest {
 } vocc_box_nest;
 
 typedef struct vocc_bvh {
-    void *node_memory, *cluster_memory;
     vocc_wide_node *nodes; /* the root is node 0 */
     size_t node_count;
     vocc_cluster *clusters;

@@ -36,6 +36,30 @@ void vocc_release(const vocc_allocator *allocator, void *memory)
         allocator->deallocate(allocator->user, memory);
 }
 
+/* In front of the items: what the allocator gave. */
+void *vocc_allocate_lines(const vocc_allocator *allocator, size_t count,
+                          size_t size)
+{
+    char *memory, *items;
+    if (size && count > (SIZE_MAX - 2 * VOCC_LINE) / size)
+        return NULL;
+    memory = vocc_allocate(allocator, 1, count * size + 2 * VOCC_LINE);
+    if (!memory)
+        return NULL;
+    items = memory + 2 * VOCC_LINE - (uintptr_t)memory % VOCC_LINE;
+    memcpy(items - sizeof memory, &memory, sizeof memory);
+    return items;
+}
+
+void vocc_release_lines(const vocc_allocator *allocator, void *items)
+{
+    char *memory;
+    if (!items)
+        return;
+    memcpy(&memory, (char *)items - sizeof memory, sizeof memory);
+    vocc_release(allocator, memory);
+}
+
 int vocc_grow(const vocc_allocator *allocator, void **items, size_t *capacity,
               size_t used, size_t wanted, size_t size)
 {

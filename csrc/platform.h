@@ -40,6 +40,9 @@
 #define VOCC_HAVE_NEON 0
 #endif
 
+/* Bytes of a cache line, and of 16 floats. */
+#define VOCC_LINE 64u
+
 #if defined(__GNUC__)
 #define VOCC_INTERNAL __attribute__((visibility("hidden")))
 /* Sanitizers take minutes over kernels that are inlined by force. */

@@ -563,8 +563,8 @@ static vocc_status make_beams(ray_query *q, const vocc_query_options *asked)
                      : VOCC_METHOD_RAYS;
     if (q->hits || method == VOCC_METHOD_RAYS)
         return VOCC_OK;
-    q->beams = vocc_allocate(&scene->allocator, (size_t)q->query.worker_count,
-                             sizeof *q->beams);
+    q->beams = vocc_allocate_lines(
+        &scene->allocator, (size_t)q->query.worker_count, sizeof *q->beams);
     q->orders = vocc_allocate(&scene->allocator, (size_t)q->query.worker_count,
                               sizeof *q->orders);
     if (!q->beams || !q->orders)
@@ -596,7 +596,7 @@ static void free_beams(ray_query *q)
     for (i = 0; q->orders && i < q->query.worker_count; i++)
         vocc_release(a, q->orders[i]);
     vocc_release(a, q->orders);
-    vocc_release(a, q->beams);
+    vocc_release_lines(a, q->beams);
 }
 
 static vocc_status run_rays(const vocc_scene *scene, ray_query *q,

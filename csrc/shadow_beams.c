@@ -12,7 +12,7 @@ int vocc_beam_rooms_create(vocc_shadow *s)
     const size_t count = (size_t)s->query.worker_count;
     vocc_query_options baseline = s->query.options;
     size_t i;
-    s->rooms = vocc_allocate(a, count, sizeof *s->rooms);
+    s->rooms = vocc_allocate_lines(a, count, sizeof *s->rooms);
     if (!s->rooms)
         return 0;
     memset(s->rooms, 0, count * sizeof *s->rooms);
@@ -41,7 +41,7 @@ void vocc_beam_rooms_free(vocc_shadow *s)
         vocc_tracer_free(a, s->rooms[i].checker.tracer);
         vocc_release(a, s->rooms[i].checker.block);
     }
-    vocc_release(a, s->rooms);
+    vocc_release_lines(a, s->rooms);
     s->rooms = NULL;
 }
 

@@ -44,6 +44,7 @@ typedef struct vocc_segments {
     int cells;
     float tmax;
     uint32_t start[VOCC_GROUP][VOCC_CELLS + 1];
+    VOCC_ALIGN(VOCC_LINE)
     float dir[3][VOCC_STORE + VOCC_WIDE], inverse[3][VOCC_STORE + VOCC_WIDE];
     uint16_t
         sample[VOCC_STORE]; /* place in the pattern, less that of the first */

@@ -149,23 +149,23 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
     vocc_beam *b = &room->beam;
     vocc_beam_rays *r = &room->rays;
     vocc_segments *s = &room->store;
-    uint32_t k;
     const uint64_t before = b->nodes + b->clusters;
-    int i, j, c, n = 0;
+    int i, j, k, n = 0;
     unsigned any = 0;
-    /* Cell by cell: segments that follow each other are alike. */
-    for (c = p->cell; c < p->cell + p->cells; c++)
-        for (i = 0; i < p->points.count; i++) {
-            const uint32_t *const start = s->start[p->first + i];
-            for (k = start[c]; k < start[c + 1]; k++, n++) {
-                for (j = 0; j < 3; j++) {
-                    r->org[j][n] = b->point[j][i];
-                    r->dir[j][n] = s->dir[j][k];
-                }
-                r->owner[n] = (uint8_t)i;
-                room->origin[n] = k;
+    for (i = 0; i < p->points.count; i++) {
+        const uint32_t *const start = s->start[p->first + i] + p->cell;
+        const int count = (int)(start[p->cells] - start[0]);
+        for (j = 0; j < 3; j++) {
+            const float from = b->point[j][i], *const dir =
+                                                   s->dir[j] + start[0];
+            for (k = 0; k < count; k++) {
+                r->org[j][n + k] = from;
+                r->dir[j][n + k] = dir[k];
             }
         }
+        memset(r->owner + n, i, (size_t)count);
+        n += count;
+    }
     r->count = n;
     r->tmax = s->tmax;
     r->touching = 0;
@@ -181,9 +181,12 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
     if (any)
         w->kernels->block(b, list, r);
     w->counters->beam_tested_rays += (uint64_t)n;
-    for (i = 0; i < n; i++)
-        s->blocked[room->origin[i]] =
-            !(r->open[i / VOCC_WIDE] >> i % VOCC_WIDE & 1);
+    for (i = 0, n = 0; i < p->points.count; i++) {
+        const uint32_t *const start = s->start[p->first + i] + p->cell;
+        uint32_t at;
+        for (at = start[0]; at < start[p->cells]; at++, n++)
+            s->blocked[at] = !(r->open[n / VOCC_WIDE] >> n % VOCC_WIDE & 1);
+    }
     /* A segment that meets nothing starts outside; unless on a triangle. */
     if (!r->touching && w->light->target.region == 0 && !b->exits)
         for (i = 0; i < n; i++)

@@ -67,7 +67,6 @@ struct vocc_beam_room {
     vocc_beam_list lists[VOCC_LEVELS + 1];
     vocc_beam_rays rays;
     vocc_beam_fans fans;
-    uint32_t origin[VOCC_BEAM_RAYS]; /* of each ray, its number in the store */
     vocc_segments store;
     vocc_cell_order rectangle, whole; /* of rectangles, and of other lights */
     const vocc_cell_order *order;     /* of the light */

@@ -205,6 +205,41 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
     b->end_reach = up(reach + (double)b->reach);
 }
 
+int vocc_beam_limit_domes(vocc_beam *b, const double reach[3])
+{
+    double size = (double)b->tree->scale;
+    int k;
+    for (k = 0; k < 3; k++)
+        size = larger(size, reach[k]);
+    b->size = up(size);
+    return size <= MAX_SIZE && size >= MIN_SIZE;
+}
+
+/* With u = 2^-24, S the size, w the unit normal and |dir| < 1 + 8 u: directions
+ * are rounded once on each axis, so that w . dir is above -2 u; a corner that a
+ * ray may meet is less than 4 S from org, and at most 8 u S below the plane.  w
+ * is rounded (4 u S), its product with a corner of up to 3 roundings (6 u S),
+ * that with org, and the sum, of one each (4 u S): together less than 32 u S.
+ * The sum of the squares is within 8 u of itself, that of |dir| 17 u of 1:
+ * together less than 32 u. */
+void vocc_beam_set_dome(const vocc_beam *b, vocc_dome *d, const float org[3],
+                        const double normal[3], float distance)
+{
+    const double far = (double)distance, square = far * far * (1.0 + 0x1p-19);
+    double unit[3] = {0.0, 0.0, 0.0}, height = 0.0;
+    int k;
+    (void)vocc_normalize(normal, unit);
+    for (k = 0; k < 3; k++) {
+        d->org[k] = org[k];
+        d->normal[k] = (float)unit[k];
+        height += unit[k] * (double)org[k];
+    }
+    d->least = down(height - 0x1p-19 * (double)b->size);
+    /* Squares of what is nearer may be subnormal or 0. */
+    d->reach = far >= 4.0 * (double)b->size ? FLT_MAX
+                                            : up(larger(square, 0x1p-120));
+}
+
 const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa)
 {
     switch (isa) {

@@ -27,12 +27,32 @@ vocc_status vocc_shadow_poll(vocc_lighting *g, uint64_t rays)
                                                      : VOCC_OK;
 }
 
+/* The block through the hierarchy, or what of it the dome holds. */
+static void trace_wide(const vocc_lighting *g)
+{
+    vocc_block *const block = g->worker->block;
+    vocc_counters *const c = &g->worker->tracer->counters;
+    size_t i;
+    c->beam_tested_rays += block->count;
+    if (!g->dome) {
+        vocc_trace_wide(g->worker, g->beam, g->beam_kernels,
+                        g->s->query.options.occluders);
+        return;
+    }
+    g->beam_kernels->trace_dome(g->beam, g->dome, block);
+    c->rays += block->count;
+    for (i = 0; i < block->count; i++)
+        c->occluded += block->occluded[i];
+}
+
 static vocc_status trace_block(vocc_lighting *g)
 {
     vocc_block *block = g->worker->block;
     const size_t rays = block->count;
     size_t i;
-    if (g->among)
+    if (g->beam)
+        trace_wide(g);
+    else if (g->among)
         g->s->query.kernels->occluded_among(g->worker->tracer, block, g->among,
                                             g->among_count);
     else
@@ -423,12 +443,14 @@ void vocc_shadow_begin_light(vocc_lighting *g, size_t l)
     size_t i;
     g->number = l;
     g->light = &s->lights[l];
-    if (g->light->type == VOCC_LIGHT_HEMISPHERE)
+    if (g->light->type == VOCC_LIGHT_HEMISPHERE) {
+        memset(&g->target, 0, sizeof g->target);
         g->target.region =
             vocc_finitef(g->light->distance) ? VOCC_END_UNKNOWN : 0;
-    else
+    } else {
         vocc_emitter_target(g->light, g->worker->tracer->tree, t->reach,
                             &g->target);
+    }
     g->facing_alike =
         t->is_patch &&
         vocc_emitter_facing_patch(g->light, &t->patch, s->horizon, &facing);
@@ -496,6 +518,8 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     g.worker->block->count = 0;
     g.t = &t;
     g.among = NULL;
+    g.beam = NULL;
+    g.dome = NULL;
     g.work = 0;
     g.jobs = jobs;
     g.walk.most = s->query.options.entry_triangles;
@@ -572,14 +596,9 @@ static int32_t method_of(const vocc_shadow *s, const vocc_query_options *asked,
 }
 
 /* What beams cannot do. */
-static vocc_status check_beams(const vocc_shadow *s, int may_beam,
-                               vocc_error *error)
+static vocc_status check_beams(const vocc_shadow *s, vocc_error *error)
 {
     const vocc_query_options *o = &s->query.options;
-    if (!may_beam)
-        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "method", -1,
-                         (double)o->method,
-                         "method: ambient occlusion has no beams yet");
     if (o->point_steps)
         return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "point_steps", -1,
                          (double)NAN,
@@ -618,10 +637,8 @@ static vocc_status run_shadow(vocc_shadow *s, const vocc_scene *scene,
     s->rooms = NULL;
     s->query.options.method =
         method_of(s, options, (uint32_t)sampling->samples);
-    if (!may_group && !(options && options->method == VOCC_METHOD_BEAMS))
-        s->query.options.method = VOCC_METHOD_RAYS;
     if (s->query.options.method == VOCC_METHOD_BEAMS) {
-        status = check_beams(s, may_group, error);
+        status = check_beams(s, error);
         if (status != VOCC_OK) {
             (void)vocc_query_end(&s->query, status, NULL);
             return status;

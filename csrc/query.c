@@ -420,12 +420,17 @@ static int is_coherent(const vocc_block *b, float scale)
     return alike * 4 >= packets * 3;
 }
 
-void vocc_trace_wide(const vocc_worker *w, vocc_beam *b,
-                     const vocc_beam_kernels *kernels, int occluders)
+/* The rays of the block through the hierarchy. */
+static void trace_wide(const ray_query *q, int worker)
 {
+    const vocc_worker *w = &q->query.workers[worker];
+    vocc_beam *b = &q->beams[worker];
     vocc_counters *c = &w->tracer->counters;
     uint16_t odd[VOCC_BLOCK];
-    const size_t count = kernels->trace_rays(b, w->block, occluders, odd);
+    const uint64_t nodes = b->nodes, clusters = b->clusters,
+                   tests = b->ray_tests, exact = b->exact_tests;
+    const size_t count = q->beam_kernels->trace_rays(
+        b, w->block, q->query.options.occluders, odd);
     size_t i;
     for (i = 0; i < count; i++) {
         w->block->occluded[odd[i]] = 0;
@@ -437,16 +442,6 @@ void vocc_trace_wide(const vocc_worker *w, vocc_beam *b,
     c->rays += w->block->count;
     for (i = 0; i < w->block->count; i++)
         c->occluded += w->block->occluded[i];
-}
-
-static void trace_wide(const ray_query *q, int worker)
-{
-    const vocc_worker *w = &q->query.workers[worker];
-    vocc_beam *b = &q->beams[worker];
-    vocc_counters *c = &w->tracer->counters;
-    const uint64_t nodes = b->nodes, clusters = b->clusters,
-                   tests = b->ray_tests, exact = b->exact_tests;
-    vocc_trace_wide(w, b, q->beam_kernels, q->query.options.occluders);
     c->beam_nodes += b->nodes - nodes;
     c->beam_clusters += b->clusters - clusters;
     c->beam_tests += b->ray_tests - tests;

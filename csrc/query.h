@@ -2,7 +2,6 @@
 #ifndef VOCC_QUERY_H
 #define VOCC_QUERY_H
 
-#include "beam.h"
 #include "platform.h"
 #include "scene.h"
 #include "traverse.h"
@@ -34,11 +33,6 @@ VOCC_INTERNAL vocc_status vocc_query_begin(vocc_query *query,
 /* Runs the jobs; each gets the query's worker by number. */
 VOCC_INTERNAL vocc_status vocc_query_run(vocc_query *query, size_t jobs,
                                          vocc_job_fn run, void *context);
-
-/* The rays of the worker's block through the hierarchy. */
-VOCC_INTERNAL void vocc_trace_wide(const vocc_worker *worker, vocc_beam *beam,
-                                   const vocc_beam_kernels *kernels,
-                                   int occluders);
 
 /* Adds up the counters (of a query that succeeded) and frees the workers. */
 VOCC_INTERNAL vocc_status vocc_query_end(vocc_query *query, vocc_status status,

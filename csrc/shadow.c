@@ -27,20 +27,15 @@ vocc_status vocc_shadow_poll(vocc_lighting *g, uint64_t rays)
                                                      : VOCC_OK;
 }
 
-/* The block through the hierarchy, or what of it the dome holds. */
-static void trace_wide(const vocc_lighting *g)
+/* The block from the dome. */
+static void trace_dome(const vocc_lighting *g)
 {
     vocc_block *const block = g->worker->block;
     vocc_counters *const c = &g->worker->tracer->counters;
     size_t i;
-    c->beam_tested_rays += block->count;
-    if (!g->dome) {
-        vocc_trace_wide(g->worker, g->beam, g->beam_kernels,
-                        g->s->query.options.occluders);
-        return;
-    }
     g->beam_kernels->trace_dome(g->beam, g->dome, block);
     c->rays += block->count;
+    c->beam_tested_rays += block->count;
     for (i = 0; i < block->count; i++)
         c->occluded += block->occluded[i];
 }
@@ -50,8 +45,8 @@ static vocc_status trace_block(vocc_lighting *g)
     vocc_block *block = g->worker->block;
     const size_t rays = block->count;
     size_t i;
-    if (g->beam)
-        trace_wide(g);
+    if (g->dome)
+        trace_dome(g);
     else if (g->among)
         g->s->query.kernels->occluded_among(g->worker->tracer, block, g->among,
                                             g->among_count);
@@ -93,7 +88,8 @@ static vocc_status trace_point(vocc_lighting *g, uint16_t which, int part_only)
     const float *const point = g->t->point[which];
     const uint32_t id = g->t->id[which], number = (uint32_t)g->number,
                    seed = vocc_sample_seed(id, number);
-    const int32_t region = certain_region(g, point);
+    const int32_t region =
+        g->dome ? g->target.region : certain_region(g, point);
     const uint8_t *const bits = vocc_shadow_bits(g, which);
     vocc_block *block = g->worker->block;
     vocc_tally *sum = &g->tallies[which];
@@ -518,7 +514,6 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     g.worker->block->count = 0;
     g.t = &t;
     g.among = NULL;
-    g.beam = NULL;
     g.dome = NULL;
     g.work = 0;
     g.jobs = jobs;
@@ -575,24 +570,28 @@ static vocc_status check_points(const vocc_points *p, vocc_error *error)
     return status;
 }
 
-/* What beams cost does not pay where there are fewer rays for each triangle. */
-enum { RAYS_A_TRIANGLE = 12 };
+/* What beams cost does not pay where there are fewer rays for each triangle;
+ * for ambient occlusion, fewer rays. */
+enum { RAYS_A_TRIANGLE = 12, AMBIENT_RAYS = 1024 };
 
 /* The method that the options, which are checked, mean. */
 static int32_t method_of(const vocc_shadow *s, const vocc_query_options *asked,
-                         uint32_t samples)
+                         uint32_t samples, int is_ambient)
 {
     const double rays =
         (double)s->points.count * (double)s->light_count * (double)samples;
-    if (!asked || asked->method == VOCC_METHOD_AUTO)
-        return (!asked ||
-                (asked->order == VOCC_ORDER_AUTO && asked->entry_points < 0 &&
-                 !asked->voxels && asked->packets && !asked->point_steps)) &&
-                       rays >= (double)RAYS_A_TRIANGLE *
-                                   (double)s->query.scene->triangle_count
-                   ? VOCC_METHOD_BEAMS
-                   : VOCC_METHOD_RAYS;
-    return asked->method;
+    const double least =
+        is_ambient
+            ? (double)AMBIENT_RAYS
+            : (double)RAYS_A_TRIANGLE * (double)s->query.scene->triangle_count;
+    if (asked && asked->method != VOCC_METHOD_AUTO)
+        return asked->method;
+    return (!asked ||
+            (asked->order == VOCC_ORDER_AUTO && asked->entry_points < 0 &&
+             !asked->voxels && asked->packets && !asked->point_steps)) &&
+                   rays >= least
+               ? VOCC_METHOD_BEAMS
+               : VOCC_METHOD_RAYS;
 }
 
 /* What beams cannot do. */
@@ -636,7 +635,7 @@ static vocc_status run_shadow(vocc_shadow *s, const vocc_scene *scene,
         return status;
     s->rooms = NULL;
     s->query.options.method =
-        method_of(s, options, (uint32_t)sampling->samples);
+        method_of(s, options, (uint32_t)sampling->samples, !may_group);
     if (s->query.options.method == VOCC_METHOD_BEAMS) {
         status = check_beams(s, error);
         if (status != VOCC_OK) {

@@ -52,9 +52,9 @@ typedef struct vocc_lighting {
     /* Triangles that the rays can meet; NULL: all below the entry node. */
     const uint32_t *among;
     int among_count;
-    /* Rays go through the hierarchy; from a dome; NULL: not. */
-    vocc_beam *beam;
+    /* Rays start from a dome; NULL: not. */
     const vocc_dome *dome;
+    vocc_beam *beam;
     const vocc_beam_kernels *beam_kernels;
     uint64_t work; /* since the last poll, in rays */
     vocc_jobs *jobs;

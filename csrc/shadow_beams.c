@@ -113,11 +113,9 @@ static vocc_status by_rays(vocc_beaming *w)
     vocc_status status = VOCC_OK;
     size_t i;
     memset(w->light->tallies, 0, sizeof w->light->tallies);
-    w->g->beam = &w->room->beam;
     for (i = 0; i < l->count && status == VOCC_OK; i++)
         status =
             vocc_shadow_trace(w->g, &l->which[i], 1, l->is_part[l->which[i]]);
-    w->g->beam = NULL;
     return status;
 }
 
@@ -195,6 +193,7 @@ vocc_status vocc_shadow_beams(vocc_lighting *g)
     tests = w.room->beam.ray_tests;
     exact = w.room->beam.exact_tests;
     w.kernels = vocc_find_beam_kernels(g->s->query.options.isa);
+    g->beam = &w.room->beam;
     g->beam_kernels = w.kernels;
     w.counters = &g->worker->tracer->counters;
     memset(w.room->outside, 0, sizeof w.room->outside);

@@ -168,7 +168,7 @@ def test_domes_count_as_single_rays_do(
     for known, way in zip(bits, (slow, fast), strict=True):
         known[::2] = seed % 256
         scene.ambient_occlusion(*at, sampler=sampler, blocked=known, **way)
-    np.testing.assert_array_equal(*bits)
+    np.testing.assert_array_equal(bits[1], bits[0])
 
 
 @settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))

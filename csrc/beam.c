@@ -205,6 +205,69 @@ void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
     b->end_reach = up(reach + (double)b->reach);
 }
 
+int vocc_beam_limit_domes(vocc_beam *b, const double reach[3])
+{
+    double size = (double)b->tree->scale;
+    int k;
+    for (k = 0; k < 3; k++)
+        size = larger(size, reach[k]);
+    b->size = up(size);
+    return size <= MAX_SIZE && size >= MIN_SIZE;
+}
+
+/* For a point p with the unit normal n, and x on one of its rays,
+ *     w . x >= w . p - |w - n| |x - p| + n . (x - p).
+ * With u = 2^-24, S the size and |dir| < 1 + 8 u: directions are rounded once
+ * on each axis, so that n . dir is above -2 u; a triangle is less than 4 S
+ * away, and n . (x - p) above -8 u S.  w is rounded (4 u S), its product with a
+ * corner has up to 3 roundings (6 u S), w . p and the sum have one each (4 u
+ * S): together less than 32 u S.  Products with `spread` are within 8 u of
+ * themselves, squares of distances within 8 u and those of |dir| within 17 u.
+ */
+void vocc_beam_set_dome(const vocc_beam *b, vocc_dome *d,
+                        const float (*point)[3], const double (*normal)[3],
+                        const uint16_t *which, size_t count, float distance)
+{
+    const double far = (double)distance, size = (double)b->size;
+    double unit[VOCC_DOME_POINTS][3], sum[3] = {0.0, 0.0, 0.0}, w[3],
+                                      least = 0.0, spread = 0.0;
+    size_t i;
+    int k;
+    for (i = 0; i < count; i++) {
+        (void)vocc_normalize(normal[which[i]], unit[i]);
+        for (k = 0; k < 3; k++)
+            sum[k] += unit[i][k];
+    }
+    if (count == 1 || !vocc_normalize(sum, w))
+        memcpy(w, unit[0], sizeof w);
+    for (i = 0; i < count; i++) {
+        const float *const p = point[which[i]];
+        double height = 0.0, square = 0.0;
+        for (k = 0; k < 3; k++) {
+            const double turned = w[k] - unit[i][k];
+            height += w[k] * (double)p[k];
+            square += turned * turned;
+            if (i == 0 || p[k] < d->lower[k])
+                d->lower[k] = p[k];
+            if (i == 0 || p[k] > d->upper[k])
+                d->upper[k] = p[k];
+        }
+        if (i == 0 || height < least)
+            least = height;
+        spread = larger(spread, square);
+    }
+    for (k = 0; k < 3; k++)
+        d->normal[k] = (float)w[k];
+    d->least = down(least - 0x1p-19 * size);
+    d->spread = up(sqrt(spread) * (1.0 + 0x1p-20));
+    d->length = d->reach = FLT_MAX;
+    if (far < 4.0 * size) {
+        /* Squares of what is nearer may be subnormal or 0. */
+        d->reach = up(larger(far * far * (1.0 + 0x1p-19), 0x1p-120));
+        d->length = up(far * (1.0 + 0x1p-20) + 0x1p-120);
+    }
+}
+
 const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa)
 {
     switch (isa) {

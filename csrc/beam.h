@@ -39,6 +39,8 @@ enum {
     VOCC_BEAM_LIST = 512, /* boxes; what has no room stays in its parent */
     VOCC_BEAM_CHUNKS = VOCC_BEAM_LIST / VOCC_WIDE + 1, /* 16 clusters each */
     VOCC_BEAM_BOXES = 64,
+    VOCC_DOME = 64, /* nodes and clusters */
+    VOCC_DOME_POINTS = 16,
     VOCC_BEAM_STACK = VOCC_WIDE * VOCC_BVH_DEPTH
 };
 
@@ -152,6 +154,24 @@ typedef struct vocc_strata {
     float width, height; /* of a stratum */
 } vocc_strata;
 
+/* Sixteen nodes or clusters that rays of a dome may meet. */
+typedef struct vocc_dome_part {
+    VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_WIDE], upper[3][VOCC_WIDE];
+    uint32_t child[VOCC_WIDE];
+} vocc_dome_part;
+
+/* The hemispheres above points between `lower` and `upper`.  What their rays
+ * meet is within `length` of its point; the square of its distance from the
+ * points' bounds is at most `reach`; and normal . x is at least `least`, less
+ * `spread` times the distance from the point. */
+typedef struct vocc_dome {
+    float lower[3], upper[3], normal[3], least, spread, length, reach;
+    int most_nodes; /* to open */
+    int occluders;  /* rays are tested against them */
+    int count;      /* of what rays may meet */
+    vocc_dome_part part[VOCC_DOME / VOCC_WIDE];
+} vocc_dome;
+
 typedef struct vocc_beam_kernels {
     /* Whether the beam meets any triangle of the hierarchy. */
     int (*meets_any)(vocc_beam *beam);
@@ -193,6 +213,11 @@ typedef struct vocc_beam_kernels {
      * returned. */
     size_t (*trace_rays)(vocc_beam *beam, vocc_block *block, int occluders,
                          uint16_t *odd);
+    /* Finds what the rays of the dome may meet. */
+    void (*raise_dome)(vocc_beam *beam, vocc_dome *dome);
+    /* Rays of the dome: sets block->occluded. */
+    void (*trace_dome)(vocc_beam *beam, const vocc_dome *dome,
+                       vocc_block *block);
 } vocc_beam_kernels;
 
 /* The limits that the bounds are proven for: 0 if the tree, the points within
@@ -212,6 +237,17 @@ VOCC_INTERNAL void vocc_beam_set_points(vocc_beam *beam,
  * vocc_beam_set_points. */
 VOCC_INTERNAL void vocc_beam_set_end(vocc_beam *beam, const vocc_target *target,
                                      const double low[2], const double high[2]);
+
+/* Sets up the dome of some points, for rays of a length up to `distance` whose
+ * directions are of unit length and on the side of the point's normal, as
+ * rounded to float32.  After vocc_beam_limit_domes has said that the bounds
+ * hold. */
+VOCC_INTERNAL void vocc_beam_set_dome(const vocc_beam *beam, vocc_dome *dome,
+                                      const float (*point)[3],
+                                      const double (*normal)[3],
+                                      const uint16_t *which, size_t count,
+                                      float distance);
+VOCC_INTERNAL int vocc_beam_limit_domes(vocc_beam *beam, const double reach[3]);
 
 /* For an isa that is there (vocc_isa_choose). */
 VOCC_INTERNAL const vocc_beam_kernels *vocc_find_beam_kernels(int32_t isa);

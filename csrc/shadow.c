@@ -27,12 +27,27 @@ vocc_status vocc_shadow_poll(vocc_lighting *g, uint64_t rays)
                                                      : VOCC_OK;
 }
 
+/* The block from the dome. */
+static void trace_dome(const vocc_lighting *g)
+{
+    vocc_block *const block = g->worker->block;
+    vocc_counters *const c = &g->worker->tracer->counters;
+    size_t i;
+    g->beam_kernels->trace_dome(g->beam, g->dome, block);
+    c->rays += block->count;
+    c->beam_tested_rays += block->count;
+    for (i = 0; i < block->count; i++)
+        c->occluded += block->occluded[i];
+}
+
 static vocc_status trace_block(vocc_lighting *g)
 {
     vocc_block *block = g->worker->block;
     const size_t rays = block->count;
     size_t i;
-    if (g->among)
+    if (g->dome)
+        trace_dome(g);
+    else if (g->among)
         g->s->query.kernels->occluded_among(g->worker->tracer, block, g->among,
                                             g->among_count);
     else
@@ -73,7 +88,8 @@ static vocc_status trace_point(vocc_lighting *g, uint16_t which, int part_only)
     const float *const point = g->t->point[which];
     const uint32_t id = g->t->id[which], number = (uint32_t)g->number,
                    seed = vocc_sample_seed(id, number);
-    const int32_t region = certain_region(g, point);
+    const int32_t region =
+        g->dome ? g->target.region : certain_region(g, point);
     const uint8_t *const bits = vocc_shadow_bits(g, which);
     vocc_block *block = g->worker->block;
     vocc_tally *sum = &g->tallies[which];
@@ -423,12 +439,14 @@ void vocc_shadow_begin_light(vocc_lighting *g, size_t l)
     size_t i;
     g->number = l;
     g->light = &s->lights[l];
-    if (g->light->type == VOCC_LIGHT_HEMISPHERE)
+    if (g->light->type == VOCC_LIGHT_HEMISPHERE) {
+        memset(&g->target, 0, sizeof g->target);
         g->target.region =
             vocc_finitef(g->light->distance) ? VOCC_END_UNKNOWN : 0;
-    else
+    } else {
         vocc_emitter_target(g->light, g->worker->tracer->tree, t->reach,
                             &g->target);
+    }
     g->facing_alike =
         t->is_patch &&
         vocc_emitter_facing_patch(g->light, &t->patch, s->horizon, &facing);
@@ -496,6 +514,7 @@ static vocc_status shade_tile(void *context, size_t job, int worker,
     g.worker->block->count = 0;
     g.t = &t;
     g.among = NULL;
+    g.dome = NULL;
     g.work = 0;
     g.jobs = jobs;
     g.walk.most = s->query.options.entry_triangles;
@@ -551,35 +570,34 @@ static vocc_status check_points(const vocc_points *p, vocc_error *error)
     return status;
 }
 
-/* What beams cost does not pay where there are fewer rays for each triangle. */
-enum { RAYS_A_TRIANGLE = 12 };
+/* What beams cost does not pay where there are fewer rays for each triangle;
+ * for ambient occlusion, fewer rays. */
+enum { RAYS_A_TRIANGLE = 12, AMBIENT_RAYS = 1024 };
 
 /* The method that the options, which are checked, mean. */
 static int32_t method_of(const vocc_shadow *s, const vocc_query_options *asked,
-                         uint32_t samples)
+                         uint32_t samples, int is_ambient)
 {
     const double rays =
         (double)s->points.count * (double)s->light_count * (double)samples;
-    if (!asked || asked->method == VOCC_METHOD_AUTO)
-        return (!asked ||
-                (asked->order == VOCC_ORDER_AUTO && asked->entry_points < 0 &&
-                 !asked->voxels && asked->packets && !asked->point_steps)) &&
-                       rays >= (double)RAYS_A_TRIANGLE *
-                                   (double)s->query.scene->triangle_count
-                   ? VOCC_METHOD_BEAMS
-                   : VOCC_METHOD_RAYS;
-    return asked->method;
+    const double least =
+        is_ambient
+            ? (double)AMBIENT_RAYS
+            : (double)RAYS_A_TRIANGLE * (double)s->query.scene->triangle_count;
+    if (asked && asked->method != VOCC_METHOD_AUTO)
+        return asked->method;
+    return (!asked ||
+            (asked->order == VOCC_ORDER_AUTO && asked->entry_points < 0 &&
+             !asked->voxels && asked->packets && !asked->point_steps)) &&
+                   rays >= least
+               ? VOCC_METHOD_BEAMS
+               : VOCC_METHOD_RAYS;
 }
 
 /* What beams cannot do. */
-static vocc_status check_beams(const vocc_shadow *s, int may_beam,
-                               vocc_error *error)
+static vocc_status check_beams(const vocc_shadow *s, vocc_error *error)
 {
     const vocc_query_options *o = &s->query.options;
-    if (!may_beam)
-        return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "method", -1,
-                         (double)o->method,
-                         "method: ambient occlusion has no beams yet");
     if (o->point_steps)
         return vocc_fail(error, VOCC_ERROR_UNSUPPORTED, "point_steps", -1,
                          (double)NAN,
@@ -617,11 +635,9 @@ static vocc_status run_shadow(vocc_shadow *s, const vocc_scene *scene,
         return status;
     s->rooms = NULL;
     s->query.options.method =
-        method_of(s, options, (uint32_t)sampling->samples);
-    if (!may_group && !(options && options->method == VOCC_METHOD_BEAMS))
-        s->query.options.method = VOCC_METHOD_RAYS;
+        method_of(s, options, (uint32_t)sampling->samples, !may_group);
     if (s->query.options.method == VOCC_METHOD_BEAMS) {
-        status = check_beams(s, may_group, error);
+        status = check_beams(s, error);
         if (status != VOCC_OK) {
             (void)vocc_query_end(&s->query, status, NULL);
             return status;

@@ -2,6 +2,7 @@
 #ifndef VOCC_SHADOW_H
 #define VOCC_SHADOW_H
 
+#include "beam.h"
 #include "light.h"
 #include "platform.h"
 #include "query.h"
@@ -51,6 +52,10 @@ typedef struct vocc_lighting {
     /* Triangles that the rays can meet; NULL: all below the entry node. */
     const uint32_t *among;
     int among_count;
+    /* Rays start from a dome; NULL: not. */
+    const vocc_dome *dome;
+    vocc_beam *beam;
+    const vocc_beam_kernels *beam_kernels;
     uint64_t work; /* since the last poll, in rays */
     vocc_jobs *jobs;
     vocc_shaft shaft;

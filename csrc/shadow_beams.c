@@ -89,7 +89,8 @@ static vocc_status begin(vocc_beaming *w, size_t l, int *all_tallied)
         }
     }
     light->count = count;
-    *all_tallied = parts || s->blocked || s->query.options.verify;
+    *all_tallied = parts || s->blocked || s->query.options.verify ||
+                   g->light->type == VOCC_LIGHT_HEMISPHERE;
     if (*all_tallied)
         memset(light->tallies, 0, sizeof light->tallies);
     return vocc_shadow_poll(g, g->t->count / VOCC_STEPS_LIKE_A_RAY);
@@ -192,6 +193,8 @@ vocc_status vocc_shadow_beams(vocc_lighting *g)
     tests = w.room->beam.ray_tests;
     exact = w.room->beam.exact_tests;
     w.kernels = vocc_find_beam_kernels(g->s->query.options.isa);
+    g->beam = &w.room->beam;
+    g->beam_kernels = w.kernels;
     w.counters = &g->worker->tracer->counters;
     memset(w.room->outside, 0, sizeof w.room->outside);
     for (first = 0; first < lights && status == VOCC_OK;
@@ -208,7 +211,9 @@ vocc_status vocc_shadow_beams(vocc_lighting *g)
             all.count = (uint16_t)w.light->count;
             if (status != VOCC_OK)
                 break;
-            if (resume(&w, l)) {
+            if (g->light->type == VOCC_LIGHT_HEMISPHERE) {
+                status = vocc_shadow_domes(&w);
+            } else if (resume(&w, l)) {
                 status = vocc_group_find_lit(&w, all);
                 if (!*all_tallied)
                     clear_pending(&w);

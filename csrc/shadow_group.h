@@ -75,6 +75,7 @@ struct vocc_beam_room {
     vocc_beam_boxes boxes[VOCC_LEVELS + 1]; /* occluders that beams meet */
     vocc_worker checker;                    /* traces again for `verify` */
     vocc_beam_mismatch mismatch;
+    vocc_dome dome;
 };
 
 typedef struct vocc_beaming {
@@ -99,6 +100,9 @@ VOCC_INTERNAL void vocc_group_read(const vocc_beaming *w, vocc_range r,
 /* The part of the light that some cells cover. */
 VOCC_INTERNAL void vocc_cells_end(const vocc_cell_order *order, int cell,
                                   int cells, double low[2], double high[2]);
+
+/* Ambient occlusion: all points of the tile that face. */
+VOCC_INTERNAL vocc_status vocc_shadow_domes(const vocc_beaming *w);
 
 /* First round: settles the points that no triangle stands before; the others
  * go to light->pending. */

@@ -446,12 +446,12 @@ typedef struct vocc_query_options {
                         from nowhere in it (Woo and Amanatides 1990); so many
                         along the longest side of the points' bounds, up to
                         1024; 0 (default): not */
-    int32_t method;  /* a vocc_method, default AUTO; vocc_ambient_occlusion has
-                        no beams yet: BEAMS fails there (UNSUPPORTED) */
-    int32_t verify;  /* n > 0: vocc_light_visibility by beams traces one in n of
-                        the points of each light again, ray by ray without
-                        occluders, and fails (MISMATCH) if a count differs;
-                        not with `blocked` (UNSUPPORTED).  0 (default): not */
+    int32_t method;  /* a vocc_method, default AUTO: the same answer by each */
+    int32_t verify;  /* n > 0: vocc_light_visibility and vocc_ambient_occlusion
+                        by beams trace one in n of the points (of each light)
+                        again, ray by ray without occluders, and fail (MISMATCH)
+                        if a count differs; not with `blocked` (UNSUPPORTED).
+                        0 (default): not */
     int32_t packets; /* 1 (default): 4 rays at a time; 0: single rays */
     int32_t isa;     /* a vocc_isa, default AUTO; one that the machine or the
                         library lacks: UNSUPPORTED */

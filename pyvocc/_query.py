@@ -52,16 +52,16 @@ class QueryOptions(TypedDict, total=False):
             (default 8).
         voxels: settle points by the voxel that they are in, so many along the longest side of
             the points' bounds, up to 1024; default 0: not. For light_visibility.
-        method: how `occluded` and `light_visibility` find their answer, which is the same by
-            each. "rays": through the kd-tree. "beams": through a hierarchy of 16 children a
-            node, for lights groups of points and parts of a light at once. "auto" (default):
-            "rays" if an order is given or packets are off, for lights also if entry points,
-            voxels or the steps of points are asked for or there are less than 12 rays for each
-            triangle; else "beams".
-            `ambient_occlusion` has no beams yet.
-        verify: n: `light_visibility` by beams traces one in n of the points of each light again,
-            ray by ray without occluders, and raises MismatchError if a count differs; not with
-            `blocked`. Default 0: not.
+        method: how `occluded`, `light_visibility` and `ambient_occlusion` find their answer,
+            which is the same by each. "rays": through the kd-tree. "beams": through a hierarchy
+            of 16 children a node, for lights groups of points and parts of a light at once, for
+            ambient occlusion from what is above some points. "auto" (default): "rays" if an order
+            is given or packets are off, for points also if entry points, voxels or their steps
+            are asked for, or there are less than 12 rays for each triangle
+            (`ambient_occlusion`: less than 1024 rays); else "beams".
+        verify: n: `light_visibility` and `ambient_occlusion` by beams trace one in n of the points
+            (of each light) again, ray by ray without occluders, and raise MismatchError if a
+            count differs; not with `blocked`. Default 0: not.
         packets: rays are traced four at a time (default True).
         isa: "auto" (default: what the environment variable VOCC_ISA says, else the best that
             machine and library have), "scalar", "sse2", "avx2", "avx512" or "neon". See

@@ -307,8 +307,9 @@ static void set_way(vocc_query_options *o, int way, vocc_counters *counters)
 static void all_ways(void)
 {
     static const double scales[] = {1.0, 1e-12, 1e7};
-    vocc_counters sum;
+    vocc_counters sum, ambient;
     memset(&sum, 0, sizeof(sum));
+    memset(&ambient, 0, sizeof(ambient));
     for (size_t i = 0; i < shape_count(); i++) {
         const double scale = i % 4 ? 1.0 : scales[i / 4 % 3];
         shape s;
@@ -376,14 +377,6 @@ static void all_ways(void)
             sum.beam_dark_rays += c.beam_dark_rays;
             sum.beam_tested_rays += c.beam_tested_rays;
             memset(&c, 0, sizeof(c));
-            if (way >= RAY_WAYS) {
-                options.verify = 0;
-                CHECK_STATUS(vocc_ambient_occlusion(
-                                 w.scene, r.count, points, normals, ids, 1.0,
-                                 &sampling, open, NULL, &options, &error),
-                             &error, VOCC_ERROR_UNSUPPORTED);
-                options.method = VOCC_METHOD_AUTO;
-            }
             uint16_t *opens = way ? open + r.count : open;
             CHECK_STATUS(vocc_ambient_occlusion(
                              w.scene, r.count, points, normals, ids,
@@ -391,6 +384,11 @@ static void all_ways(void)
                              NULL, &options, &error),
                          &error, VOCC_OK);
             CHECK_INT(c.entry_searches, 0);
+            if (way >= RAY_WAYS && scale > 1e-9) {
+                CHECK_INT(c.beam_lit_rays + c.beam_tested_rays, c.rays);
+                ambient.beam_lit_rays += c.beam_lit_rays;
+                ambient.beam_tested_rays += c.beam_tested_rays;
+            }
             if (way)
                 compare_bytes(__LINE__, "ambient occlusion", opens, open,
                               r.count, sizeof(*open));
@@ -408,6 +406,10 @@ static void all_ways(void)
     test_note("beams settle %g lit and %g dark, and test %g",
               (double)sum.beam_lit_rays, (double)sum.beam_dark_rays,
               (double)sum.beam_tested_rays);
+    test_note("of ambient occlusion they settle %g and test %g",
+              (double)ambient.beam_lit_rays, (double)ambient.beam_tested_rays);
+    CHECK(ambient.beam_lit_rays > ambient.beam_tested_rays / 100);
+    CHECK(ambient.beam_tested_rays > sum.rays / 100);
     CHECK(sum.beam_lit_rays > sum.rays / 100);
     CHECK(sum.beam_dark_rays > sum.rays / 1000);
     CHECK(sum.beam_tested_rays > sum.rays / 100);
@@ -516,16 +518,22 @@ static void several_scenes(void)
                                             ids, 0.5, &sampling, visible, NULL,
                                             NULL, &error),
                      &error, VOCC_OK);
-        for (size_t half = 0; half < 2; half++) {
-            vocc_scene *scene = half_scene(&s, half);
-            CHECK_STATUS(vocc_ambient_occlusion(
-                             scene, r.count, points, normals, ids, 0.5,
-                             &sampling, visible + values, bits, NULL, &error),
-                         &error, VOCC_OK);
-            vocc_scene_free(scene);
+        for (int way = 1; way < WAYS; way += RAY_WAYS - 1) {
+            memset(bits, 0, BYTES * r.count);
+            for (size_t half = 0; half < 2; half++) {
+                vocc_scene *scene = half_scene(&s, half);
+                set_way(&options, way, NULL);
+                options.verify = 0;
+                CHECK_STATUS(vocc_ambient_occlusion(scene, r.count, points,
+                                                    normals, ids, 0.5,
+                                                    &sampling, visible + values,
+                                                    bits, &options, &error),
+                             &error, VOCC_OK);
+                vocc_scene_free(scene);
+            }
+            compare_bytes(__LINE__, "ambient occlusion", visible + values,
+                          visible, r.count, sizeof(*visible));
         }
-        compare_bytes(__LINE__, "ambient occlusion", visible + values, visible,
-                      r.count, sizeof(*visible));
         free(visible);
         free(share);
         free(bits);

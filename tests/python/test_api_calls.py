@@ -191,7 +191,7 @@ calls = dict(
     light_irradiance=lambda: scene.light_irradiance(
         org[:1000], -dir[:1000], [pyvocc.SunLight((0, 1, 0), 3)], 60000
     ),
-    ambient_occlusion=lambda: scene.ambient_occlusion(org[:1000], -dir[:1000], 1.0, 60000),
+    ambient_occlusion=lambda: scene.ambient_occlusion(org[:1000], dir[:1000], samples=60000),
     below=lambda: scene.light_visibility(
         org[:1000], dir[:1000], [pyvocc.SunLight((0, 1, 0), np.pi)], 60000
     ),

@@ -748,15 +748,31 @@ def test_beams_give_what_rays_give(small: Small, isa: str, sampler: str) -> None
         assert bare.beam_box_rays == bare.beam_dark_rays == 0
 
 
+@pytest.mark.parametrize("distance", [0.05, 0.5, np.inf])
+def test_ambient_occlusion_by_beams(small: Small, distance: float) -> None:
+    scene, camera = small
+    image = pyvocc.shadow_pass(scene, camera, LIGHTS, (40, 30), 1)
+    at = (image.position, image.normal, distance, 16)
+    rays, beams, auto = pyvocc.Stats(), pyvocc.Stats(), pyvocc.Stats()
+    expected = scene.ambient_occlusion(*at, method="rays", stats=rays)
+    actual = scene.ambient_occlusion(*at, method="beams", verify=3, threads=3, stats=beams)
+    assert actual.tobytes() == expected.tobytes()
+    assert (beams.rays, beams.occluded) == (rays.rays, rays.occluded)
+    assert beams.beam_lit_rays + beams.beam_tested_rays == beams.rays
+    assert beams.node_visits == 0
+    assert (rays.occluded > 0) == (distance > 0.1)
+    assert scene.ambient_occlusion(*at, stats=auto).tobytes() == expected.tobytes()
+    assert auto.beams > 0
+
+
 def test_what_beams_cannot_do_is_said(small: Small) -> None:
     scene, camera = small
     image = pyvocc.shadow_pass(scene, camera, LIGHTS, (8, 6), 4)
     points, normals = image.position.reshape(-1, 3), image.normal.reshape(-1, 3)
-    with pytest.raises(pyvocc.UnsupportedError, match="ambient occlusion has no beams"):
-        scene.ambient_occlusion(points, normals, 1.0, method="beams")
     with pytest.raises(pyvocc.UnsupportedError, match="point_steps"):
         steps = np.zeros(len(points), np.uint32)
         scene.light_visibility(points, normals, LIGHTS, 4, steps=steps, method="beams")
+        scene.ambient_occlusion(points, normals, steps=steps, method="beams")
     with pytest.raises(pyvocc.UnsupportedError, match="verify is 2: not with blocked"):
         blocked = np.zeros((len(LIGHTS), len(points), 1), np.uint8)
         scene.light_visibility(

@@ -130,6 +130,50 @@ def test_beams_count_as_single_rays_do(
 @settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     meshes=st.lists(boxes() | soups(), min_size=1, max_size=4),
+    distance=st.sampled_from([1e-4, 0.25, 1.0, 3.0, 1e6, 1e30, np.inf]),
+    samples=st.sampled_from([1, 4, 7, 16, 25, 64, 300]),
+    sampler=st.sampled_from(["sobol", "jitter"]),
+    offset=st.sampled_from([0.0, 1e-7, 1e-4, 0.01, -1e-4]),
+    scale=st.sampled_from([1.0, 1 / 3, 2.0**-20, 2.0**25, 2.0**-40]),
+    bend=st.sampled_from([0.0, 1e-7, 0.01, 0.5]),
+    isa=st.sampled_from(pyvocc.isas()),
+    occluders=st.booleans(),
+    seed=st.integers(0, 2**31),
+)
+def test_domes_count_as_single_rays_do(
+    meshes: list[Mesh],
+    distance: float,
+    samples: int,
+    sampler: str,
+    offset: float,
+    scale: float,
+    bend: float,
+    isa: str,
+    occluders: bool,
+    seed: int,
+) -> None:
+    scene = pyvocc.Scene(threads=1)
+    for vertices, triangles in meshes:
+        scene.add_mesh(vertices * np.float32(scale), triangles)
+    scene.build()
+    points, normals = points_of(meshes, seed, offset)
+    normals += bend * np.random.default_rng(seed).uniform(-1, 1, normals.shape).astype(np.float32)
+    at = (points * np.float32(scale), normals, distance * scale, samples)
+    slow: dict[str, Any] = {"method": "rays", "order": "standard", "occluders": False}
+    fast: dict[str, Any] = {"method": "beams", "isa": isa, "occluders": occluders}
+    expected = scene.ambient_occlusion(*at, sampler=sampler, **slow)
+    actual = scene.ambient_occlusion(*at, sampler=sampler, **fast)
+    np.testing.assert_array_equal(actual, expected)
+    bits = [np.zeros((len(points), (samples + 7) // 8), np.uint8) for _ in range(2)]
+    for known, way in zip(bits, (slow, fast), strict=True):
+        known[::2] = seed % 256
+        scene.ambient_occlusion(*at, sampler=sampler, blocked=known, **way)
+    np.testing.assert_array_equal(bits[1], bits[0])
+
+
+@settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    meshes=st.lists(boxes() | soups(), min_size=1, max_size=4),
     ends=st.lists(st.tuples(corner, corner), min_size=1, max_size=64),
     scale=st.sampled_from([1.0, 2.0**-20, 2.0**25, 2.0**-40, 1 / 3]),
     tmax=st.sampled_from([1.0, 0.5, np.inf]),

@@ -250,7 +250,8 @@ def test_ambient_occlusion(name: str) -> None:
         for distance in (0.25, 3.0, np.inf):
             expected = scene.ambient_occlusion(points, normals, distance, 9, **BASELINE)
             assert len(np.unique(expected)) > 2
-            for mode in modes():
+            beams = [{"method": "beams", "isa": isa, "verify": 1} for isa in pyvocc.isas()]
+            for mode in [*modes(), *beams]:
                 opened = scene.ambient_occlusion(points, normals, distance, 9, **mode)
                 assert np.array_equal(opened, expected), (name, distance, mode)
 

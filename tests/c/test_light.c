@@ -2,10 +2,12 @@
  * traced one by one with the baseline, for lights outside of, inside of and
  * cutting the meshes, with all options; and the sampler is the documented one
  * to the last bit. */
+#include "../../csrc/scene.h"
 #include "receivers.h"
 #include "world.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -533,6 +535,78 @@ static void layouts(void)
     shape_free(&s);
 }
 
+/* Beams through a hierarchy that has lost its triangles take what these block
+ * for lit: `verify` has to find it, and to say where and what. */
+static void verify(void)
+{
+    enum { SAMPLES = 7 };
+    shape s;
+    world w;
+    receivers r;
+    shape_make(&s, 12, 1);
+    world_make(&w, &s, NULL);
+    receivers_make_patches(&r, &s, 3000, 0.05, 0.001);
+    const size_t values = LIGHTS * r.count;
+    uint16_t *whole = malloc(values * sizeof(*whole));
+    uint16_t *damaged = malloc(values * sizeof(*damaged));
+    uint16_t *actual = malloc(values * sizeof(*actual));
+    REQUIRE(whole && damaged && actual);
+    vocc_query_options options;
+    vocc_error error;
+    vocc_query_options_init(&options);
+    options.method = VOCC_METHOD_BEAMS;
+    options.threads = 1;
+    options.verify = 1;
+    CHECK_STATUS(
+        query(&w, &r, LIGHTS, lights, SAMPLES, whole, &options, &error), &error,
+        VOCC_OK);
+    const size_t nodes = w.scene->built.bvh.node_count;
+    REQUIRE(nodes > 0);
+    w.scene->built.bvh.node_count = 0;
+    options.verify = 0;
+    CHECK_STATUS(
+        query(&w, &r, LIGHTS, lights, SAMPLES, damaged, &options, &error),
+        &error, VOCC_OK);
+    CHECK(memcmp(whole, damaged, values * sizeof(*whole)) != 0);
+    for (int way = 0; way < 4; way++) {
+        size_t point = 0, light = 0;
+        unsigned blocked = 0, expected = 0;
+        int end = 0;
+        options.threads = way % 2 ? 3 : 1;
+        options.verify = way < 2 ? 1 : 3;
+        memset(&error, 0, sizeof(error));
+        CHECK_STATUS(
+            query(&w, &r, LIGHTS, lights, SAMPLES, actual, &options, &error),
+            &error, VOCC_ERROR_MISMATCH);
+        CHECK_INT(error.status, VOCC_ERROR_MISMATCH);
+        CHECK_INT(sscanf(error.message,
+                         "points[%zu], lights[%zu]: beams block %u samples, "
+                         "rays %u%n",
+                         &point, &light, &blocked, &expected, &end),
+                  4);
+        CHECK(end > 0 && error.message[end] == ':');
+        REQUIRE(point < r.count && light < LIGHTS);
+        const size_t k = light * r.count + point;
+        CHECK(whole[k] != VOCC_NOT_TRACED && whole[k] != damaged[k]);
+        CHECK_INT(blocked, SAMPLES - damaged[k]);
+        CHECK_INT(expected, SAMPLES - whole[k]);
+        CHECK_INT((point + light) % (size_t)options.verify, 0);
+    }
+    w.scene->built.bvh.node_count = nodes;
+    options.verify = 1;
+    CHECK_STATUS(
+        query(&w, &r, LIGHTS, lights, SAMPLES, actual, &options, &error),
+        &error, VOCC_OK);
+    CHECK(memcmp(whole, actual, values * sizeof(*whole)) == 0);
+    test_compared(values);
+    free(whole);
+    free(damaged);
+    free(actual);
+    receivers_free(&r);
+    world_free(&w);
+    shape_free(&s);
+}
+
 const test_case test_light_cases[] = {
     {"light.all_options", all_options},
     {"light.threads", threads},
@@ -540,5 +614,6 @@ const test_case test_light_cases[] = {
     {"light.concave", concave},
     {"light.sample_numbers", sample_numbers},
     {"light.layouts", layouts},
+    {"light.verify", verify},
     {NULL, NULL},
 };

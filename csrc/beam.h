@@ -39,7 +39,8 @@ enum {
     VOCC_BEAM_LIST = 512, /* boxes; what has no room stays in its parent */
     VOCC_BEAM_CHUNKS = VOCC_BEAM_LIST / VOCC_WIDE + 1, /* 16 clusters each */
     VOCC_BEAM_BOXES = 64,
-    VOCC_DOME = 64, /* nodes and clusters */
+    VOCC_BEAM_BOX_NODES = 64, /* of the hierarchy of occluders, to look at */
+    VOCC_DOME = 64,           /* nodes and clusters */
     VOCC_DOME_POINTS = 16,
     VOCC_BEAM_STACK = VOCC_WIDE * VOCC_BVH_DEPTH
 };
@@ -54,9 +55,10 @@ typedef struct vocc_beam_list {
     uint32_t child[VOCC_BEAM_LIST + VOCC_WIDE];
 } vocc_beam_list;
 
-/* Occluders that a beam meets; if there are more, the first. */
+/* Occluders that a beam meets. */
 typedef struct vocc_beam_boxes {
     int count;
+    int cut; /* there are more, none larger than these */
     VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_BEAM_BOXES + VOCC_WIDE];
     float upper[3][VOCC_BEAM_BOXES + VOCC_WIDE];
 } vocc_beam_boxes;
@@ -195,14 +197,14 @@ typedef struct vocc_beam_kernels {
                    float *y, float *z);
     /* Sets from, inverse, moment, norm. */
     void (*prepare)(const vocc_beam *beam, vocc_beam_rays *rays);
-    /* Whether one of the occluders (NULL: of all those of another region than
-     * `region`, that of all ends) holds a whole slice: all is dark; it is then
-     * the only one in `to`.  Else `to` gets those that the beam meets. */
+    /* Whether one of the occluders (NULL, or if they are cut: of all those of
+     * another region than `region`, that of all ends, as far as nodes are
+     * looked at) holds a whole slice: all is dark; it is then the only one in
+     * `to`.  Else `to` gets those that the beam meets. */
     int (*hold)(const vocc_beam *beam, const vocc_beam_boxes *from,
                 int32_t region, vocc_beam_boxes *to);
-    /* Clears the bits of segments that pass through one of the first `most`. */
-    void (*block_by_boxes)(const vocc_beam_boxes *boxes, int most,
-                           vocc_beam_rays *rays);
+    /* Clears the bits of segments that pass through one of the boxes. */
+    void (*block_by_boxes)(const vocc_beam_boxes *boxes, vocc_beam_rays *rays);
     /* Clears the bits of segments that cross a triangle below the list. */
     void (*block)(vocc_beam *beam, const vocc_beam_list *list,
                   vocc_beam_rays *rays);

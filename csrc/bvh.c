@@ -454,7 +454,8 @@ static int is_cluster(const pair *p)
     return p->child[1] == UINT32_MAX;
 }
 
-/* Opens the largest child until there are VOCC_WIDE. */
+/* Opens the largest child until there are VOCC_WIDE; neighbours stay next to
+ * each other. */
 static int gather(const builder *b, uint32_t top, uint32_t child[VOCC_WIDE])
 {
     int count = 1, i;
@@ -471,7 +472,9 @@ static int gather(const builder *b, uint32_t top, uint32_t child[VOCC_WIDE])
         }
         if (largest < 0)
             break;
-        child[count++] = b->pairs[child[largest]].child[1];
+        for (i = count++; i > largest + 1; i--)
+            child[i] = child[i - 1];
+        child[largest + 1] = b->pairs[child[largest]].child[1];
         child[largest] = b->pairs[child[largest]].child[0];
     }
     return count;
@@ -485,6 +488,7 @@ static uint32_t make_wide(builder *b, uint32_t top)
     const int count = gather(b, top, child);
     int i, k;
     node->count = (uint32_t)count;
+    node->clusters = 0;
     for (i = 0; i < VOCC_WIDE; i++) {
         const pair *p = &b->pairs[child[i < count ? i : 0]];
         for (k = 0; k < 3; k++) {
@@ -493,11 +497,14 @@ static uint32_t make_wide(builder *b, uint32_t top)
             node->normal_lower[k][i] = p->normals.lower[k];
             node->normal_upper[k][i] = p->normals.upper[k];
         }
-        if (i >= count)
+        if (i >= count) {
             node->child[i] = UINT32_MAX;
-        else
-            node->child[i] = is_cluster(p) ? VOCC_IS_CLUSTER | p->child[0]
-                                           : make_wide(b, child[i]);
+        } else if (is_cluster(p)) {
+            node->child[i] = VOCC_IS_CLUSTER | p->child[0];
+            node->clusters |= 1u << i;
+        } else {
+            node->child[i] = make_wide(b, child[i]);
+        }
     }
     return number;
 }
@@ -533,35 +540,6 @@ static int fit_nodes(const vocc_allocator *allocator, vocc_bvh *bvh)
     memcpy(nodes, bvh->nodes, bvh->node_count * sizeof *nodes);
     vocc_release_lines(allocator, bvh->nodes);
     bvh->nodes = nodes;
-    return 1;
-}
-
-/* The grown occluders, coordinate by coordinate. */
-static int copy_boxes(const vocc_allocator *allocator, const vocc_tree *tree,
-                      vocc_bvh *bvh)
-{
-    const size_t room = tree->grown_count + VOCC_WIDE;
-    float *values = vocc_allocate(allocator, room, 6 * sizeof *values);
-    size_t i;
-    int k;
-    bvh->box_lower[0] = values;
-    bvh->box_region = vocc_allocate(allocator, room, sizeof *bvh->box_region);
-    if (!values || !bvh->box_region)
-        return 0;
-    bvh->box_count = tree->grown_count;
-    for (k = 0; k < 3; k++) {
-        bvh->box_lower[k] = values + (size_t)k * room;
-        bvh->box_upper[k] = values + (size_t)(3 + k) * room;
-    }
-    for (i = 0; i < room && tree->grown_count; i++) {
-        const vocc_opaque *o =
-            &tree->grown[i < tree->grown_count ? i : tree->grown_count - 1];
-        for (k = 0; k < 3; k++) {
-            bvh->box_lower[k][i] = o->lower[k];
-            bvh->box_upper[k][i] = o->upper[k];
-        }
-        bvh->box_region[i] = o->region;
-    }
     return 1;
 }
 
@@ -707,8 +685,8 @@ vocc_status vocc_bvh_build(const vocc_allocator *allocator,
     vocc_release(allocator, b.top);
     vocc_release(allocator, b.pairs);
     vocc_release(allocator, b.items);
-    if (status == VOCC_OK && !copy_boxes(allocator, tree, bvh))
-        status = VOCC_ERROR_OUT_OF_MEMORY;
+    if (status == VOCC_OK)
+        status = vocc_build_boxes(allocator, tree, &bvh->boxes);
     if (status == VOCC_OK)
         nest_boxes(tree, &bvh->nest);
     else
@@ -720,7 +698,6 @@ void vocc_bvh_free(const vocc_allocator *allocator, vocc_bvh *bvh)
 {
     vocc_release_lines(allocator, bvh->nodes);
     vocc_release_lines(allocator, bvh->clusters);
-    vocc_release(allocator, bvh->box_lower[0]);
-    vocc_release(allocator, bvh->box_region);
+    vocc_free_boxes(allocator, &bvh->boxes);
     memset(bvh, 0, sizeof *bvh);
 }

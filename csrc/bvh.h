@@ -7,6 +7,7 @@
 #ifndef VOCC_BVH_H
 #define VOCC_BVH_H
 
+#include "box_tree.h"
 #include "kdtree.h"
 #include "platform.h"
 #include "regions.h"
@@ -24,7 +25,8 @@ typedef struct vocc_wide_node {
     float normal_lower[3][VOCC_WIDE], normal_upper[3][VOCC_WIDE];
     uint32_t child[VOCC_WIDE]; /* a node, or VOCC_IS_CLUSTER and a cluster */
     uint32_t count;
-    uint32_t unused[VOCC_WIDE - 1]; /* rows are cache lines */
+    uint32_t clusters;              /* bits of children */
+    uint32_t unused[VOCC_WIDE - 2]; /* rows are cache lines */
 } vocc_wide_node;
 
 typedef struct vocc_cluster {
@@ -51,12 +53,8 @@ typedef struct vocc_bvh {
     size_t node_count;
     vocc_cluster *clusters;
     size_t cluster_count;
-    /* The tree's grown occluders, 16 to be looked at together: the last are
-     * repeated. */
-    size_t box_count;
-    float *box_lower[3], *box_upper[3];
-    int32_t *box_region;
-    vocc_box_nest nest; /* of some of them */
+    vocc_box_tree boxes; /* the tree's grown occluders */
+    vocc_box_nest nest;  /* of some of them */
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which

@@ -6,7 +6,11 @@
 #include <string.h>
 
 enum {
-    MOST_GROWN = 1024, /* rays meet large leaves first; more did not pay */
+    /* Segments meet large leaves first: of one solid, more than these do not
+     * pay. */
+    LEAST_GROWN = 1024,
+    MOST_GROWN = 1 << 16,
+    LEAVES_A_GROWN = 64,
     JOB_LEAVES = 64,
     HISTOGRAM = 1 << 16,
     ROUNDS = 2,
@@ -102,16 +106,23 @@ static vocc_status grow_some(void *context, size_t job, int worker,
     return VOCC_OK;
 }
 
-/* The least 16 upper bits of a key such that at most MOST_GROWN leaves have
- * these or more; or 0. */
-static uint32_t find_threshold(const vocc_tree *tree, size_t *histogram)
+static size_t count_grown(const vocc_tree *tree)
+{
+    const size_t n = tree->opaque_count / LEAVES_A_GROWN;
+    return n < LEAST_GROWN ? LEAST_GROWN : n < MOST_GROWN ? n : MOST_GROWN;
+}
+
+/* The least 16 upper bits of a key such that at most `most` leaves have these
+ * or more; or 0. */
+static uint32_t find_threshold(const vocc_tree *tree, size_t most,
+                               size_t *histogram)
 {
     size_t i, count = 0;
     uint32_t bin = HISTOGRAM;
     memset(histogram, 0, HISTOGRAM * sizeof *histogram);
     for (i = 0; i < tree->opaque_count; i++)
         histogram[area_key(&tree->opaque[i]) >> 16]++;
-    while (bin > 0 && count + histogram[bin - 1] <= MOST_GROWN)
+    while (bin > 0 && count + histogram[bin - 1] <= most)
         count += histogram[--bin];
     return bin;
 }
@@ -124,15 +135,16 @@ vocc_status vocc_grow_occluders(const vocc_allocator *allocator,
     vocc_status status;
     size_t i;
     uint32_t threshold;
-    uint64_t *keys = vocc_allocate(allocator, MOST_GROWN, sizeof *keys);
+    const size_t most = count_grown(tree);
+    uint64_t *keys = vocc_allocate(allocator, most, sizeof *keys);
     size_t *histogram = vocc_allocate(allocator, HISTOGRAM, sizeof *histogram);
-    tree->grown = vocc_allocate(allocator, MOST_GROWN, sizeof *tree->grown);
+    tree->grown = vocc_allocate(allocator, most, sizeof *tree->grown);
     if (!keys || !histogram || !tree->grown) {
         vocc_release(allocator, keys);
         vocc_release(allocator, histogram);
         return VOCC_ERROR_OUT_OF_MEMORY;
     }
-    threshold = find_threshold(tree, histogram);
+    threshold = find_threshold(tree, most, histogram);
     g.tree = tree;
     g.keys = keys;
     g.count = 0;

@@ -74,7 +74,8 @@ static vocc_status begin(vocc_beaming *w, size_t l, int *all_tallied)
     g->tallies = light->tallies;
     vocc_shadow_begin_light(g, l);
     light->target = g->target;
-    light->pending_count = light->uncertain_count = light->recent.count = 0;
+    light->pending_count = light->uncertain_count = 0;
+    light->recent.count = light->recent.cut = 0;
     if (g->facing_alike) {
         if (g->facing[0] != VOCC_FACING_NONE)
             for (; count < g->t->count; count++)

@@ -16,7 +16,6 @@
 
 enum {
     RECENT = VOCC_WIDE,
-    BOXES = 32, /* that single segments are tested against */
     SHORT_LIST = 12,
     /* Fans from points with so many samples each, and clusters not too many. */
     FAN_SAMPLES = 24,
@@ -173,7 +172,7 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
         r->open[i / VOCC_WIDE] =
             (uint16_t)(n - i < VOCC_WIDE ? (1u << (n - i)) - 1u : 0xFFFFu);
     w->kernels->prepare(b, r);
-    w->kernels->block_by_boxes(boxes, BOXES, r);
+    w->kernels->block_by_boxes(boxes, r);
     for (i = 0; i < n; i += VOCC_WIDE) {
         any |= r->open[i / VOCC_WIDE];
         w->counters->beam_box_rays += (uint64_t)count_blocked(r, i);

@@ -4,6 +4,7 @@
 #define VOCC_WIDE_AVX2_H
 
 #include "platform.h"
+#include "wide_pick.h"
 
 #include <immintrin.h>
 

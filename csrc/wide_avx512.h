@@ -4,7 +4,9 @@
  * - wfma(a, b, c) is a * b + c, with one rounding or two: what is computed with
  *   it has to allow for either; wnfma(a, b, c) is c - a * b;
  * - wmin and wmax give b where a lane is NaN;
- * - comparisons with NaN are false. */
+ * - comparisons with NaN are false;
+ * - wpack and wpack_numbers move the lanes that wpick_lanes has picked to the
+ *   front of `to`, where 16 values may be written. */
 #ifndef VOCC_WIDE_AVX512_H
 #define VOCC_WIDE_AVX512_H
 
@@ -88,6 +90,25 @@ VOCC_INLINE unsigned wle(wfloat a, wfloat b)
 VOCC_INLINE wfloat wselect(unsigned bits, wfloat yes, wfloat no)
 {
     return _mm512_mask_blend_ps((__mmask16)bits, no, yes);
+}
+
+typedef __mmask16 wpick;
+
+VOCC_INLINE wpick wpick_lanes(unsigned bits)
+{
+    return (__mmask16)bits;
+}
+
+/* Through a register: compressing stores are slow on some machines. */
+VOCC_INLINE void wpack(float *to, const float *from, wpick p)
+{
+    _mm512_storeu_ps(to, _mm512_maskz_compress_ps(p, _mm512_loadu_ps(from)));
+}
+
+VOCC_INLINE void wpack_numbers(uint32_t *to, const uint32_t *from, wpick p)
+{
+    _mm512_storeu_si512(
+        to, _mm512_maskz_compress_epi32(p, _mm512_loadu_si512(from)));
 }
 
 /* The smallest and the largest lane; no lane is NaN. */

@@ -4,6 +4,7 @@
 #define VOCC_WIDE_NEON_H
 
 #include "platform.h"
+#include "wide_pick.h"
 
 #include <arm_neon.h>
 

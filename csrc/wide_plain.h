@@ -4,11 +4,14 @@
  * - wfma(x, y, z) is x * y + z, with one rounding or two: what is computed with
  *   it has to allow for either; wnfma(x, y, z) is z - x * y;
  * - wmin and wmax give their second operand where either is NaN, or both are 0;
- * - comparisons with NaN are false. */
+ * - comparisons with NaN are false;
+ * - wpack and wpack_numbers move the lanes that wpick_lanes has picked to the
+ *   front of `to`, where 16 values may be written. */
 #ifndef VOCC_WIDE_PLAIN_H
 #define VOCC_WIDE_PLAIN_H
 
 #include "platform.h"
+#include "wide_pick.h"
 
 #include <string.h>
 

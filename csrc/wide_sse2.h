@@ -4,6 +4,7 @@
 #define VOCC_WIDE_SSE2_H
 
 #include "platform.h"
+#include "wide_pick.h"
 
 #include <emmintrin.h>
 

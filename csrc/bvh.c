@@ -1,7 +1,6 @@
 #include "bvh.h"
 #include "frame.h"
 #include "memory.h"
-#include "sort.h"
 #include "vec3.h"
 
 #include <math.h>
@@ -543,103 +542,6 @@ static int fit_nodes(const vocc_allocator *allocator, vocc_bvh *bvh)
     return 1;
 }
 
-/* ---- large occluders --------------------------------------------------------
- */
-
-static int is_within(const vocc_opaque *a, const vocc_opaque *b)
-{
-    int k;
-    for (k = 0; k < 3; k++)
-        if (a->lower[k] < b->lower[k] || a->upper[k] > b->upper[k])
-            return 0;
-    return a->region == b->region;
-}
-
-/* The first that are not within one before. */
-static size_t choose_boxes(const vocc_tree *tree, uint64_t chosen[VOCC_NEST])
-{
-    size_t i, n, count = 0;
-    for (i = 0; i < tree->grown_count && count < VOCC_NEST; i++) {
-        for (n = 0; n < count; n++)
-            if (is_within(&tree->grown[i], &tree->grown[chosen[n]]))
-                break;
-        if (n == count)
-            chosen[count++] = i;
-    }
-    return count;
-}
-
-/* A key that sorts boxes by their middle; below it, the box's number. */
-static uint64_t place_of(const vocc_tree *tree, uint64_t number, int axis)
-{
-    const vocc_opaque *o = &tree->grown[number];
-    const double low = (double)tree->lower[axis],
-                 size = (double)tree->upper[axis] - low,
-                 middle =
-                     0.5 * ((double)o->lower[axis] + (double)o->upper[axis]),
-                 at = size > 0.0 ? (middle - low) / size : 0.0;
-    return (uint64_t)(at > 0.0 ? at < 1.0 ? at * 0x1p31 : 0x1p31 : 0.0) << 32 |
-           number;
-}
-
-/* Halves along the widest axis, so that 16 that follow each other are near. */
-static void sort_boxes(const vocc_tree *tree, uint64_t *chosen, size_t count)
-{
-    uint64_t keys[3][VOCC_NEST];
-    size_t i, half = count / (2 * VOCC_WIDE) * VOCC_WIDE;
-    int k, widest = 0;
-    double width = -1.0;
-    if (count <= VOCC_WIDE)
-        return;
-    if (half == 0)
-        half = VOCC_WIDE;
-    for (k = 0; k < 3; k++) {
-        double w;
-        for (i = 0; i < count; i++)
-            keys[k][i] = place_of(tree, chosen[i], k);
-        vocc_sort(keys[k], count);
-        w = (double)(keys[k][count - 1] >> 32) - (double)(keys[k][0] >> 32);
-        w *= (double)tree->upper[k] - (double)tree->lower[k];
-        if (w > width) {
-            width = w;
-            widest = k;
-        }
-    }
-    for (i = 0; i < count; i++)
-        chosen[i] = keys[widest][i] & 0xFFFFFFFFu;
-    sort_boxes(tree, chosen, half);
-    sort_boxes(tree, chosen + half, count - half);
-}
-
-static void nest_boxes(const vocc_tree *tree, vocc_box_nest *nest)
-{
-    uint64_t chosen[VOCC_NEST];
-    const size_t count = choose_boxes(tree, chosen);
-    size_t i, group;
-    int k;
-    sort_boxes(tree, chosen, count);
-    nest->group_count = (int)((count + VOCC_WIDE - 1) / VOCC_WIDE);
-    for (group = 0; group < VOCC_WIDE && count; group++) {
-        box all;
-        box_none(&all);
-        for (i = group * VOCC_WIDE; i < (group + 1) * VOCC_WIDE; i++) {
-            const vocc_opaque *o =
-                &tree->grown[chosen[i < count ? i : count - 1]];
-            box_add_point(&all, o->lower);
-            box_add_point(&all, o->upper);
-            for (k = 0; k < 3; k++) {
-                nest->lower[k][i] = o->lower[k];
-                nest->upper[k][i] = o->upper[k];
-            }
-            nest->region[i] = o->region;
-        }
-        for (k = 0; k < 3; k++) {
-            nest->group_lower[k][group] = all.lower[k];
-            nest->group_upper[k][group] = all.upper[k];
-        }
-    }
-}
-
 static vocc_status build_tree(builder *b, size_t count,
                               const vocc_allocator *allocator, int threads,
                               vocc_ticker *ticker)
@@ -687,9 +589,7 @@ vocc_status vocc_bvh_build(const vocc_allocator *allocator,
     vocc_release(allocator, b.items);
     if (status == VOCC_OK)
         status = vocc_build_boxes(allocator, tree, &bvh->boxes);
-    if (status == VOCC_OK)
-        nest_boxes(tree, &bvh->nest);
-    else
+    if (status != VOCC_OK)
         vocc_bvh_free(allocator, bvh);
     return status;
 }

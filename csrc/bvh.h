@@ -14,7 +14,7 @@
 #include "threads.h"
 
 /* The height of a hierarchy is less than VOCC_BVH_DEPTH. */
-enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80, VOCC_NEST = VOCC_WIDE * VOCC_WIDE };
+enum { VOCC_WIDE = 16, VOCC_BVH_DEPTH = 80 };
 
 #define VOCC_IS_CLUSTER 0x80000000u
 
@@ -40,21 +40,12 @@ typedef struct vocc_cluster {
     uint32_t unused[VOCC_WIDE - 7];
 } vocc_cluster;
 
-/* Large occluders for rays: groups of 16 neighbours.  The last are repeated. */
-typedef struct vocc_box_nest {
-    int group_count;
-    float group_lower[3][VOCC_WIDE], group_upper[3][VOCC_WIDE];
-    float lower[3][VOCC_NEST], upper[3][VOCC_NEST];
-    int32_t region[VOCC_NEST];
-} vocc_box_nest;
-
 typedef struct vocc_bvh {
     vocc_wide_node *nodes; /* the root is node 0 */
     size_t node_count;
     vocc_cluster *clusters;
     size_t cluster_count;
     vocc_box_tree boxes; /* the tree's grown occluders */
-    vocc_box_nest nest;  /* of some of them */
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which

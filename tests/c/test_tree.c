@@ -8,6 +8,7 @@
 
 #include "world.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -389,6 +390,109 @@ static void grown_boxes_are_free(void)
     CHECK(boxes > 100);
 }
 
+static int is_box_within(const vocc_opaque *a, const float lower[3],
+                         const float upper[3])
+{
+    for (int k = 0; k < 3; k++)
+        if (a->lower[k] < lower[k] || a->upper[k] > upper[k])
+            return 0;
+    return 1;
+}
+
+static vocc_opaque lane_box(const vocc_box_node *n, int lane)
+{
+    vocc_opaque o;
+    memset(&o, 0, sizeof o);
+    for (int k = 0; k < 3; k++) {
+        o.lower[k] = n->lower[k][lane];
+        o.upper[k] = n->upper[k][lane];
+    }
+    o.region = n->region[lane];
+    return o;
+}
+
+/* Of a node's lanes: what is own is a grown box and no larger than `most`; what
+ * is below is within its bounds. */
+static void check_box_node(const vocc_tree *tree, const vocc_box_tree *boxes,
+                           size_t number, const vocc_opaque *around, float most,
+                           size_t *visits)
+{
+    const vocc_box_node *n = &boxes->nodes[number];
+    float least = most;
+    CHECK_INT(n->boxes & n->nodes, 0);
+    CHECK(n->boxes);
+    (*visits)++;
+    for (int lane = 0; lane < VOCC_BOX_LANES; lane++) {
+        const vocc_opaque o = lane_box(n, lane);
+        if (!((n->boxes | n->nodes) >> lane & 1))
+            continue;
+        CHECK(!around || is_box_within(&o, around->lower, around->upper));
+        if (n->boxes >> lane & 1) {
+            const float area = (float)box_area(o.lower, o.upper);
+            size_t i;
+            for (i = 0; i < tree->grown_count; i++)
+                if (!memcmp(tree->grown[i].lower, o.lower, sizeof o.lower) &&
+                    !memcmp(tree->grown[i].upper, o.upper, sizeof o.upper) &&
+                    tree->grown[i].region == o.region)
+                    break;
+            CHECK(i < tree->grown_count);
+            /* Areas are sorted by in float32, added in another order. */
+            CHECK(area <= most * 1.000001f);
+            least = area < least ? area : least;
+        }
+    }
+    for (int lane = VOCC_BOX_OWN; lane < VOCC_BOX_LANES; lane++) {
+        const vocc_opaque o = lane_box(n, lane);
+        const size_t child = n->child + (size_t)(lane - VOCC_BOX_OWN);
+        if (!(n->nodes >> lane & 1))
+            continue;
+        REQUIRE(child > number && child < boxes->node_count);
+        check_box_node(tree, boxes, child, &o, least, visits);
+    }
+}
+
+/* Every grown box is in the hierarchy, or within another of its region; the
+ * largest first; bounds hold what is below; every node is there once. */
+static void grown_boxes_in_a_hierarchy(void)
+{
+    size_t nodes = 0, grown = 0, most = 0;
+    for (size_t index = 0; index < shape_count(); index++) {
+        shape s;
+        world w;
+        size_t visits = 0;
+        shape_make(&s, index, 2);
+        test_context(s.name);
+        world_make(&w, &s, NULL);
+        const vocc_tree *tree = &w.scene->built.tree;
+        const vocc_box_tree *boxes = &w.scene->built.bvh.boxes;
+        CHECK_INT(boxes->node_count > 0, tree->grown_count > 0);
+        if (boxes->node_count)
+            check_box_node(tree, boxes, 0, NULL, FLT_MAX, &visits);
+        CHECK_INT(visits, boxes->node_count);
+        for (size_t i = 0; i < tree->grown_count; i++) {
+            int found = 0;
+            for (size_t j = 0; j < boxes->node_count && !found; j++)
+                for (int lane = 0; lane < VOCC_BOX_LANES && !found; lane++) {
+                    const vocc_opaque o = lane_box(&boxes->nodes[j], lane);
+                    found = boxes->nodes[j].boxes >> lane & 1 &&
+                            o.region == tree->grown[i].region &&
+                            is_box_within(&tree->grown[i], o.lower, o.upper);
+                }
+            CHECK(found);
+        }
+        test_compared(tree->grown_count + boxes->node_count);
+        nodes += boxes->node_count;
+        grown += tree->grown_count;
+        most = boxes->node_count > most ? boxes->node_count : most;
+        world_free(&w);
+        shape_free(&s);
+    }
+    test_context(NULL);
+    test_note("%zu grown boxes, %zu nodes, up to %zu a scene", grown, nodes,
+              most);
+    CHECK(most > 9);
+}
+
 const test_case test_tree_cases[] = {
     {"tree.node_layout", node_layout},
     {"tree.nodes_of_built_trees", nodes_of_built_trees},
@@ -396,5 +500,6 @@ const test_case test_tree_cases[] = {
     {"tree.clip_loses_nothing", clip_loses_nothing},
     {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
     {"tree.grown_boxes_are_free", grown_boxes_are_free},
+    {"tree.grown_boxes_in_a_hierarchy", grown_boxes_in_a_hierarchy},
     {NULL, NULL},
 };

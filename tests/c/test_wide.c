@@ -62,7 +62,7 @@ static void check(wide_fn run, const float *a, const float *b, const float *c,
     wide_results r;
     unsigned lt = 0, le = 0;
     float lowest = c[0], highest = c[0];
-    int has_nan = 0;
+    int has_nan = 0, packed = 0;
     memset(&r, 0x5a, sizeof(r));
     run(a, b, c, bits, &r);
     inputs[0] = a;
@@ -90,6 +90,11 @@ static void check(wide_fn run, const float *a, const float *b, const float *c,
         lowest = z < lowest ? z : lowest;
         highest = z > highest ? z : highest;
         has_nan |= z != z;
+        if (bits >> i & 1u) {
+            same("pack", packed, r.packed[packed], x);
+            CHECK_INT(r.numbers[packed], i);
+            packed++;
+        }
     }
     if (r.lt != lt)
         test_fail(__FILE__, __LINE__, "%s: lt: %x, not %x", what, r.lt, lt);
@@ -100,7 +105,7 @@ static void check(wide_fn run, const float *a, const float *b, const float *c,
         test_fail(__FILE__, __LINE__, "%s: lowest %a, highest %a, not %a, %a",
                   what, (double)r.lowest, (double)r.highest, (double)lowest,
                   (double)highest);
-    test_compared(16 * 11 + 4);
+    test_compared(16 * 11 + 4 + 2 * (size_t)packed);
 }
 
 static const float special[] = {

@@ -3,11 +3,15 @@
 #ifndef VOCC_TEST_WIDE_H
 #define VOCC_TEST_WIDE_H
 
+#include <stdint.h>
+
 typedef struct wide_results {
     float add[16], sub[16], mul[16], div[16], min[16], max[16];
     float fma[16], nfma[16], abs[16], select[16], set[16];
     unsigned lt, le;
     float lowest, highest; /* of c */
+    float packed[16];      /* of a */
+    uint32_t numbers[16];
 } wide_results;
 
 /* a, b, c: 16 lanes, unaligned. */

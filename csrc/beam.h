@@ -234,11 +234,16 @@ VOCC_INTERNAL void vocc_beam_set_points(vocc_beam *beam,
                                         const double (*normal)[3],
                                         const uint16_t *which);
 
-/* Sets up what they aim at: the part of the target between (low[0], low[1])
- * and (high[0], high[1]) along its first two axes, 0 to 1 each.  After
- * vocc_beam_set_points. */
+/* The frame whose unit cube is the target's hull. */
+VOCC_INTERNAL void vocc_beam_hull_frame(const vocc_target *target,
+                                        vocc_end_frame *frame);
+
+/* Sets up what they aim at: ends of the target that are, but for its slack,
+ * between low and high in the frame, whose first two axes are those along which
+ * fans are cut into blocks.  After vocc_beam_set_points. */
 VOCC_INTERNAL void vocc_beam_set_end(vocc_beam *beam, const vocc_target *target,
-                                     const double low[2], const double high[2]);
+                                     const vocc_end_frame *frame,
+                                     const double low[3], const double high[3]);
 
 /* Sets up the dome of some points, for rays of a length up to `distance` whose
  * directions are of unit length and on the side of the point's normal, as

@@ -567,3 +567,61 @@ void vocc_emitter_target(const vocc_emitter *e, const vocc_tree *tree,
                               &target->region))
         target->region = VOCC_END_UNKNOWN;
 }
+
+/* Axes along the longer edge and in the plane of both, and their normal; of one
+ * edge or none, whichever. */
+static void edge_axes(const vocc_emitter *e, double axis[3][3])
+{
+    double u[3], v[3], p[3], q[3], along, beside, length;
+    int k;
+    for (k = 0; k < 3; k++) {
+        u[k] = (double)e->edge_u[k];
+        v[k] = (double)e->edge_v[k];
+    }
+    if (!vocc_normalize(vocc_dot(u, u) < vocc_dot(v, v) ? v : u, axis[0])) {
+        axis[0][0] = axis[0][1] = 0.0;
+        axis[0][2] = 1.0;
+    }
+    vocc_make_frame(axis[0], p, q);
+    if (vocc_dot(u, u) < vocc_dot(v, v))
+        memcpy(v, u, sizeof v);
+    along = vocc_dot(v, p);
+    beside = vocc_dot(v, q);
+    length = sqrt(along * along + beside * beside);
+    along = length > 0.0 ? along / length : 1.0;
+    beside = length > 0.0 ? beside / length : 0.0;
+    for (k = 0; k < 3; k++) {
+        axis[1][k] = along * p[k] + beside * q[k];
+        axis[2][k] = along * q[k] - beside * p[k];
+    }
+}
+
+void vocc_emitter_frame(const vocc_emitter *e, const float point[3],
+                        vocc_end_frame *frame)
+{
+    double (*const axis)[3] = frame->axis;
+    int k;
+    memcpy(frame->origin, e->type == VOCC_LIGHT_SUN ? e->axis : e->centre,
+           sizeof frame->origin);
+    switch (e->type) {
+    case VOCC_LIGHT_RECT:
+    case VOCC_LIGHT_DISK:
+        edge_axes(e, axis);
+        break;
+    case VOCC_LIGHT_SUN:
+        memcpy(axis[0], e->axis_u, sizeof axis[0]);
+        memcpy(axis[1], e->axis_v, sizeof axis[1]);
+        memcpy(axis[2], e->axis, sizeof axis[2]);
+        break;
+    default: {
+        double to[3];
+        for (k = 0; k < 3; k++)
+            to[k] = e->centre[k] - (double)point[k];
+        if (!vocc_normalize(to, axis[2])) {
+            axis[2][0] = axis[2][1] = 0.0;
+            axis[2][2] = 1.0;
+        }
+        vocc_make_frame(axis[2], axis[0], axis[1]);
+    }
+    }
+}

@@ -116,4 +116,10 @@ VOCC_INTERNAL void vocc_emitter_target(const vocc_emitter *emitter,
                                        const double reach[3],
                                        vocc_target *target);
 
+/* An orthonormal frame of the ends of rays from about that point: the light is
+ * thin, or seen from the front, along the third axis.  Not for a HEMISPHERE. */
+VOCC_INTERNAL void vocc_emitter_frame(const vocc_emitter *emitter,
+                                      const float point[3],
+                                      vocc_end_frame *frame);
+
 #endif

@@ -48,7 +48,14 @@ static vocc_range part_of(vocc_range r, int i, int parts)
     return p;
 }
 
-static const double no_low[2] = {0.0, 0.0}, all_high[2] = {1.0, 1.0};
+/* The beam aims at all of the light. */
+static void set_whole_end(const vocc_beaming *w)
+{
+    static const double low[3] = {0.0, 0.0, 0.0}, high[3] = {1.0, 1.0, 1.0};
+    vocc_end_frame frame;
+    vocc_beam_hull_frame(&w->light->target, &frame);
+    vocc_beam_set_end(&w->room->beam, &w->light->target, &frame, low, high);
+}
 
 /* First round. */
 vocc_status vocc_group_find_lit(const vocc_beaming *w, vocc_range r)
@@ -60,7 +67,7 @@ vocc_status vocc_group_find_lit(const vocc_beaming *w, vocc_range r)
         return VOCC_OK;
     w->counters->beams++;
     set_points(w, r);
-    vocc_beam_set_end(b, &w->light->target, no_low, all_high);
+    set_whole_end(w);
     b->exits = 0;
     if (!w->kernels->meets_any(b)) {
         if (w->light->target.region == 0)
@@ -254,15 +261,17 @@ static vocc_status test_fans(const vocc_beaming *w, const part *p,
     vocc_segments *s = &room->store;
     const uint64_t before = b->nodes + b->clusters;
     const int step = cells_a_block(s, p);
-    double low[2], high[2];
+    double low[3], high[3];
     int i, j, k;
     float norm = 0.0f;
-    vocc_cells_end(room->order, p->cell, p->cells, low, high);
+    vocc_cells_end(s, p->cell, p->cells, low, high);
     f->blocks = step ? p->cells / step : 0;
     for (k = 0; k < 2; k++)
         for (j = 0; j < f->blocks; j++) {
-            double from[2], to[2], a, c, size = high[k] - low[k];
-            vocc_cells_end(room->order, p->cell + j * step, step, from, to);
+            double from[3], to[3], a, c, size = high[k] - low[k];
+            vocc_cells_end(s, p->cell + j * step, step, from, to);
+            if (from[k] > to[k]) /* no samples */
+                from[k] = to[k] = low[k];
             a = size > 0.0 ? (2.0 * (from[k] - low[k]) - size) / size : 0.0;
             c = size > 0.0 ? (2.0 * (to[k] - low[k]) - size) / size : 0.0;
             f->middle[k][j] = (float)(0.5 * (a + c));
@@ -339,15 +348,15 @@ static vocc_status decide_part(const vocc_beaming *w, part p, int level,
     vocc_beam_room *room = w->room;
     vocc_beam *b = &room->beam;
     vocc_beam_list *list = &room->lists[level];
-    double low[2], high[2];
+    double low[3], high[3];
     const uint32_t rays = count_rays(&room->store, &p);
     vocc_status status = VOCC_OK;
     int i;
     if (!rays)
         return VOCC_OK;
     w->counters->beams++;
-    vocc_cells_end(room->order, p.cell, p.cells, low, high);
-    vocc_beam_set_end(b, &w->light->target, low, high);
+    vocc_cells_end(&room->store, p.cell, p.cells, low, high);
+    vocc_beam_set_end(b, &w->light->target, &room->store.frame, low, high);
     w->kernels->narrow(b, from, list);
     if (!list->count) {
         w->counters->beam_lit_rays += rays;
@@ -425,7 +434,7 @@ static vocc_status decide(const vocc_beaming *w, vocc_range r)
         return VOCC_OK;
     w->counters->beams++;
     set_points(w, r);
-    vocc_beam_set_end(b, &w->light->target, no_low, all_high);
+    set_whole_end(w);
     b->exits = w->light->target.region == 0;
     for (i = 0; i < r.count; i++)
         b->exits &= room->outside[w->light->which[r.first + i]];
@@ -444,7 +453,7 @@ static vocc_status decide(const vocc_beaming *w, vocc_range r)
         if (n < r.count) {
             r.count = (uint16_t)n;
             set_points(w, r);
-            vocc_beam_set_end(b, &w->light->target, no_low, all_high);
+            set_whole_end(w);
         }
     }
     if (is_dark(w, NULL, &room->boxes[0]))

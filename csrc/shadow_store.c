@@ -2,6 +2,7 @@
  * light that they end in, and counted. */
 #include "shadow_group.h"
 
+#include <float.h>
 #include <string.h>
 
 /* Cells along an edge of a light. */
@@ -144,8 +145,7 @@ static void cell_place(int cell, int *column, int *row)
 }
 
 /* Cells of the samples first .. first + count - 1.  The strata of a rectangle
- * belong to cells; other samples of it lie in squares.  Of other lights the one
- * cell is the whole. */
+ * belong to cells; other samples lie in squares. */
 static void make_order(const vocc_pattern *pattern, uint32_t first,
                        uint32_t count, int is_rectangle, vocc_cell_order *order)
 {
@@ -154,10 +154,7 @@ static void make_order(const vocc_pattern *pattern, uint32_t first,
     int c, k;
     order->first = first;
     order->count = count;
-    order->grid = !is_rectangle || count <= 4 ? 1
-                  : count <= 8                ? 2
-                  : count <= 64               ? 4
-                                              : MAX_GRID;
+    order->grid = count <= 4 ? 1 : count <= 8 ? 2 : count <= 64 ? 4 : MAX_GRID;
     order->cells = order->grid * order->grid;
     order->is_fixed = is_rectangle && pattern->sampler == VOCC_SAMPLER_JITTER;
     memset(order->start, 0, sizeof order->start);
@@ -171,6 +168,8 @@ static void make_order(const vocc_pattern *pattern, uint32_t first,
                                     ? 0.0
                                     : (double)(at[k] + 1) / (double)order->grid;
         }
+        order->low[c][2] = 0.0;
+        order->high[c][2] = 1.0;
     }
     if (!order->is_fixed)
         return;
@@ -282,26 +281,85 @@ static uint32_t store_sorted(const vocc_beaming *w, int number, uint16_t which,
     return at + n;
 }
 
+/* What each cell covers, from the very segments of the group: so the box of a
+ * cell holds their ends whatever the light and its samples are, and rounded as
+ * they are.  Directions are float32; in double, with |dir| and coordinates
+ * summing up to S, an end is off by less than 2^-48 S, and the frame's axes are
+ * orthonormal within 2^-50: all far below the target's slack, 2^-20 S. */
+static void measure_cells(const vocc_beaming *w, vocc_range r)
+{
+    vocc_beam_room *room = w->room;
+    vocc_segments *s = &room->store;
+    const vocc_tile *t = w->g->t;
+    const uint16_t *which = w->light->which + r.first;
+    const int is_direction = w->light->target.is_direction;
+    double (*low)[3] = room->low, (*high)[3] = room->high;
+    int i, c, j, k;
+    vocc_emitter_frame(w->g->light, t->point[which[r.count / 2]], &s->frame);
+    s->low = (const double (*)[3])low;
+    s->high = (const double (*)[3])high;
+    for (c = 0; c < s->cells; c++)
+        for (j = 0; j < 3; j++) {
+            low[c][j] = DBL_MAX;
+            high[c][j] = -DBL_MAX;
+        }
+    for (i = 0; i < r.count; i++) {
+        double from[3];
+        for (j = 0; j < 3; j++) {
+            from[j] = 0.0;
+            for (k = 0; k < 3; k++)
+                from[j] +=
+                    s->frame.axis[j][k] *
+                    ((is_direction ? 0.0 : (double)t->point[which[i]][k]) -
+                     s->frame.origin[k]);
+        }
+        for (c = 0; c < s->cells; c++) {
+            uint32_t at;
+            for (at = s->start[i][c]; at < s->start[i][c + 1]; at++) {
+                const double x = (double)s->dir[0][at],
+                             y = (double)s->dir[1][at],
+                             z = (double)s->dir[2][at];
+                for (j = 0; j < 3; j++) {
+                    const double *const a = s->frame.axis[j],
+                                        to = from[j] +
+                                             (a[0] * x + a[1] * y + a[2] * z);
+                    low[c][j] = to < low[c][j] ? to : low[c][j];
+                    high[c][j] = to > high[c][j] ? to : high[c][j];
+                }
+            }
+        }
+    }
+    /* Cells without segments add nothing to others. */
+}
+
 /* The segments of a group from sample `first` on. */
 void vocc_group_fill(const vocc_beaming *w, vocc_range r, uint32_t first,
                      uint32_t count)
 {
     vocc_beam_room *room = w->room;
+    vocc_segments *s = &room->store;
     const int is_rectangle = w->g->light->type == VOCC_LIGHT_RECT;
-    vocc_cell_order *order = is_rectangle ? &room->rectangle : &room->whole;
+    vocc_cell_order *order = is_rectangle ? &room->rectangle : &room->other;
     const uint16_t *which = w->light->which + r.first;
     uint32_t at = 0;
     int i;
     if (order->first != first || order->count != count)
         make_order(&w->g->s->pattern, first, count, is_rectangle, order);
     room->order = order;
-    room->store.cells = order->cells;
+    s->cells = order->cells;
     for (i = 0; i < r.count; i++)
         at =
             order->is_fixed && !w->g->s->blocked && !w->light->is_part[which[i]]
                 ? store_fixed(w, i, which[i], count, at)
                 : store_sorted(w, i, which[i], first, count, at);
-    memset(room->store.blocked, 0, at);
+    memset(s->blocked, 0, at);
+    if (is_rectangle) {
+        vocc_beam_hull_frame(&w->light->target, &s->frame);
+        s->low = (const double (*)[3])order->low;
+        s->high = (const double (*)[3])order->high;
+    } else {
+        measure_cells(w, r);
+    }
 }
 
 /* Adds the weights of a point's samples in the order of the pattern, as rays
@@ -360,16 +418,16 @@ void vocc_group_read(const vocc_beaming *w, vocc_range r, uint32_t first)
     }
 }
 
-void vocc_cells_end(const vocc_cell_order *o, int cell, int cells,
-                    double low[2], double high[2])
+void vocc_cells_end(const vocc_segments *s, int cell, int cells, double low[3],
+                    double high[3])
 {
     int c, k;
-    for (k = 0; k < 2; k++) {
-        low[k] = o->low[cell][k];
-        high[k] = o->high[cell][k];
+    for (k = 0; k < 3; k++) {
+        low[k] = s->low[cell][k];
+        high[k] = s->high[cell][k];
         for (c = cell + 1; c < cell + cells; c++) {
-            low[k] = o->low[c][k] < low[k] ? o->low[c][k] : low[k];
-            high[k] = o->high[c][k] > high[k] ? o->high[c][k] : high[k];
+            low[k] = s->low[c][k] < low[k] ? s->low[c][k] : low[k];
+            high[k] = s->high[c][k] > high[k] ? s->high[c][k] : high[k];
         }
     }
 }

@@ -29,6 +29,7 @@
 #include "platform.h"
 #include "shaft.h"
 #include "traverse.h"
+#include "view.h"
 
 enum {
     VOCC_BEAM_POINTS = 256,
@@ -149,9 +150,12 @@ typedef struct vocc_beam_fans {
     uint64_t touching; /* points that may lie on a triangle that was tested */
 } vocc_beam_fans;
 
-/* Some samples of a jittered pattern (sampler.h) in an order of their own. */
+/* Some samples of a pattern (sampler.h) in an order of their own. */
 typedef struct vocc_strata {
-    uint32_t count, sample[VOCC_BEAM_RAYS];
+    int is_jitter;
+    uint32_t count;
+    uint32_t x[VOCC_BEAM_RAYS], y[VOCC_BEAM_RAYS]; /* SOBOL; the rest: JITTER */
+    uint32_t sample[VOCC_BEAM_RAYS];
     float column[VOCC_BEAM_RAYS], row[VOCC_BEAM_RAYS];
     float width, height; /* of a stratum */
 } vocc_strata;
@@ -189,12 +193,10 @@ typedef struct vocc_beam_kernels {
      * three axes. */
     void (*measure)(vocc_beam *beam, float (*axis)[3], float low[3],
                     float high[3]);
-    /* Directions from org to the samples of strata on a rectangle, as
-     * vocc_sample and vocc_aim_ray. */
-    void (*jitter)(const vocc_strata *strata, uint32_t key,
-                   const float corner[3], const float edge_u[3],
-                   const float edge_v[3], const float org[3], float *x,
-                   float *y, float *z);
+    /* Places in the unit square of the samples of strata, as vocc_sample (key:
+     * vocc_jitter_key or vocc_sample_seed), and directions to them. */
+    void (*samples)(const vocc_strata *strata, uint32_t key,
+                    const vocc_view *view, float *a, float *b, float *dir[3]);
     /* Sets from, inverse, moment, norm. */
     void (*prepare)(const vocc_beam *beam, vocc_beam_rays *rays);
     /* Whether one of the occluders (NULL, or if they are cut: of all those of

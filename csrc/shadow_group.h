@@ -71,9 +71,9 @@ struct vocc_beam_room {
     vocc_beam_rays rays;
     vocc_beam_fans fans;
     vocc_segments store;
-    vocc_cell_order rectangle, other;               /* lights */
-    const vocc_cell_order *order;                   /* of the light */
-    double low[VOCC_CELLS][3], high[VOCC_CELLS][3]; /* of other lights */
+    vocc_cell_order order;
+    double low[VOCC_CELLS][3],
+        high[VOCC_CELLS][3]; /* of what is no rectangle */
     vocc_lit_tile lights[VOCC_BEAM_LIGHTS];
     uint8_t outside[VOCC_TILE_POINTS];      /* points surely in region 0 */
     vocc_beam_boxes boxes[VOCC_LEVELS + 1]; /* occluders that beams meet */

@@ -101,6 +101,15 @@ VOCC_INTERNAL void vocc_group_fill(const vocc_beaming *w, vocc_range r,
 VOCC_INTERNAL void vocc_group_read(const vocc_beaming *w, vocc_range r,
                                    uint32_t first);
 
+/* What the cells of the store cover in its frame, from the very segments of
+ * points which[]: so that this holds their ends whatever the light and its
+ * samples are, rounded as they are.  Cells without segments hold nothing. */
+VOCC_INTERNAL void vocc_segments_measure(vocc_segments *store,
+                                         const float (*point)[3],
+                                         const uint16_t *which, int count,
+                                         int is_direction, double (*low)[3],
+                                         double (*high)[3]);
+
 /* The part of the light that some cells cover, in the frame of the store. */
 VOCC_INTERNAL void vocc_cells_end(const vocc_segments *store, int cell,
                                   int cells, double low[3], double high[3]);

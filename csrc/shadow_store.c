@@ -301,21 +301,14 @@ static uint32_t store_sorted(const vocc_beaming *w, int number, uint16_t which,
     return at + n;
 }
 
-/* What each cell covers, from the very segments of the group: so the box of a
- * cell holds their ends whatever the light and its samples are, and rounded as
- * they are.  Directions are float32; in double, with |dir| and coordinates
- * summing up to S, an end is off by less than 2^-48 S, and the frame's axes are
- * orthonormal within 2^-50: all far below the target's slack, 2^-20 S. */
-static void measure_cells(const vocc_beaming *w, vocc_range r)
+/* With coordinates and |dir| up to S, what is computed here in double from
+ * float32 numbers is off by less than 2^-47 S, and the frame's axes are
+ * orthonormal within 2^-50: far below the target's slack, 2^-20 S. */
+void vocc_segments_measure(vocc_segments *s, const float (*point)[3],
+                           const uint16_t *which, int count, int is_direction,
+                           double (*low)[3], double (*high)[3])
 {
-    vocc_beam_room *room = w->room;
-    vocc_segments *s = &room->store;
-    const vocc_tile *t = w->g->t;
-    const uint16_t *which = w->light->which + r.first;
-    const int is_direction = w->light->target.is_direction;
-    double (*low)[3] = room->low, (*high)[3] = room->high;
     int i, c, j, k;
-    vocc_emitter_frame(w->g->light, t->point[which[r.count / 2]], &s->frame);
     s->low = (const double (*)[3])low;
     s->high = (const double (*)[3])high;
     for (c = 0; c < s->cells; c++)
@@ -323,16 +316,13 @@ static void measure_cells(const vocc_beaming *w, vocc_range r)
             low[c][j] = DBL_MAX;
             high[c][j] = -DBL_MAX;
         }
-    for (i = 0; i < r.count; i++) {
-        double from[3];
-        for (j = 0; j < 3; j++) {
-            from[j] = 0.0;
+    for (i = 0; i < count; i++) {
+        double from[3] = {0.0, 0.0, 0.0};
+        for (j = 0; j < 3; j++)
             for (k = 0; k < 3; k++)
-                from[j] +=
-                    s->frame.axis[j][k] *
-                    ((is_direction ? 0.0 : (double)t->point[which[i]][k]) -
-                     s->frame.origin[k]);
-        }
+                from[j] += s->frame.axis[j][k] *
+                           ((is_direction ? 0.0 : (double)point[which[i]][k]) -
+                            s->frame.origin[k]);
         for (c = 0; c < s->cells; c++) {
             uint32_t at;
             for (at = s->start[i][c]; at < s->start[i][c + 1]; at++) {
@@ -340,16 +330,15 @@ static void measure_cells(const vocc_beaming *w, vocc_range r)
                              y = (double)s->dir[1][at],
                              z = (double)s->dir[2][at];
                 for (j = 0; j < 3; j++) {
-                    const double *const a = s->frame.axis[j],
-                                        to = from[j] +
-                                             (a[0] * x + a[1] * y + a[2] * z);
+                    const double *const a = s->frame.axis[j];
+                    const double to =
+                        from[j] + (a[0] * x + a[1] * y + a[2] * z);
                     low[c][j] = to < low[c][j] ? to : low[c][j];
                     high[c][j] = to > high[c][j] ? to : high[c][j];
                 }
             }
         }
     }
-    /* Cells without segments add nothing to others. */
 }
 
 /* The segments of a group from sample `first` on. */
@@ -378,7 +367,12 @@ void vocc_group_fill(const vocc_beaming *w, vocc_range r, uint32_t first,
         s->low = (const double (*)[3])order->low;
         s->high = (const double (*)[3])order->high;
     } else {
-        measure_cells(w, r);
+        const vocc_tile *t = w->g->t;
+        vocc_emitter_frame(w->g->light, t->point[which[r.count / 2]],
+                           &s->frame);
+        vocc_segments_measure(s, t->point, which, r.count,
+                              w->light->target.is_direction, room->low,
+                              room->high);
     }
 }
 

@@ -49,7 +49,8 @@ enum {
 /* Boxes that a beam meets, with their nodes and clusters. */
 typedef struct vocc_beam_list {
     int count;
-    int closed; /* nodes, of which all below may be met */
+    int closed; /* nodes, of which all below may be met: the rest of a list that
+                   is too long */
     float near; /* where the slices meet them, on average */
     VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
     float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
@@ -96,7 +97,6 @@ typedef struct vocc_beam {
     float way[3], way_half[3]; /* bounds of all directions */
 
     uint32_t stack[VOCC_BEAM_STACK];
-    vocc_beam_list below; /* some of the clusters below a list */
     /* Segments that may meet 16 clusters, and one of these. */
     int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE];
     uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];
@@ -207,7 +207,8 @@ typedef struct vocc_beam_kernels {
                 int32_t region, vocc_beam_boxes *to);
     /* Clears the bits of segments that pass through one of the boxes. */
     void (*block_by_boxes)(const vocc_beam_boxes *boxes, vocc_beam_rays *rays);
-    /* Clears the bits of segments that cross a triangle below the list. */
+    /* For a list of clusters only: clears the bits of segments that cross one
+     * of their triangles. */
     void (*block)(vocc_beam *beam, const vocc_beam_list *list,
                   vocc_beam_rays *rays);
     void (*block_fans)(vocc_beam *beam, const vocc_beam_list *list,

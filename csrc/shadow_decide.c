@@ -7,7 +7,8 @@
  * light's cells, whichever is wider where it meets triangles; parts are lit if
  * they meet nothing, dark if a slice lies inside an occluder; and when few
  * segments are left, or few clusters before points with many samples, they are
- * tested. */
+ * tested: against the list of what the beam meets, or if that is too long, as
+ * single rays. */
 #include "lanes.h"
 #include "shadow_group.h"
 #include "vec3.h"
@@ -204,6 +205,71 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
                                       (b->nodes + b->clusters - before));
 }
 
+/* The segments of the worker's block through the hierarchy; place[]: where they
+ * are in the store. */
+static vocc_status trace_block(const vocc_beaming *w, const uint32_t *place)
+{
+    vocc_lighting *g = w->g;
+    vocc_beam *b = &w->room->beam;
+    vocc_block *const block = g->worker->block;
+    const uint64_t before = b->nodes + b->clusters;
+    const size_t rays = block->count;
+    uint16_t odd[VOCC_BLOCK];
+    size_t i, n;
+    n = w->kernels->trace_rays(b, block, g->s->query.options.occluders, odd);
+    for (i = 0; i < n; i++) {
+        block->occluded[odd[i]] = 0;
+        if (vocc_is_void(block, odd[i]))
+            continue;
+        w->counters->careful_rays++;
+        vocc_trace_careful(g->worker->tracer, block, odd[i], 0);
+    }
+    for (i = 0; i < rays; i++)
+        w->room->store.blocked[place[i]] = block->occluded[i];
+    w->counters->beam_tested_rays += rays;
+    block->count = 0;
+    return vocc_shadow_poll(g, (uint64_t)rays / VOCC_STEPS_LIKE_A_RAY +
+                                   (b->nodes + b->clusters - before));
+}
+
+/* Segments that a list is too long for: through the hierarchy, in packets of
+ * neighbours. */
+static vocc_status trace_packets(const vocc_beaming *w, const part *p)
+{
+    const vocc_segments *s = &w->room->store;
+    vocc_block *const block = w->g->worker->block;
+    const int32_t region = w->light->target.region;
+    uint32_t place[VOCC_BLOCK];
+    vocc_status status = VOCC_OK;
+    int c, i, k;
+    block->count = 0;
+    for (c = p->cell; c < p->cell + p->cells; c++)
+        for (i = 0; i < p->points.count; i++) {
+            const uint32_t *const start = s->start[p->first + i];
+            const float *const point =
+                w->g->t->point[w->light->which[p->points.first + i]];
+            uint32_t at;
+            for (at = start[c]; at < start[c + 1] && status == VOCC_OK; at++) {
+                const size_t n = block->count++;
+                for (k = 0; k < 3; k++) {
+                    block->org[k][n] = point[k];
+                    block->dir[k][n] = s->dir[k][at];
+                }
+                block->tmin[n] = 0.0f;
+                block->tmax[n] = s->tmax;
+                block->end_region[n] = region;
+                place[n] = at;
+                if (block->count == VOCC_BLOCK)
+                    status = trace_block(w, place);
+            }
+        }
+    if (status == VOCC_OK)
+        status = trace_block(w, place);
+    /* Packets have made the beam theirs. */
+    set_points(w, p->points);
+    return status;
+}
+
 static double widest(const float lower[3], const float upper[3])
 {
     double most = 0.0;
@@ -373,7 +439,8 @@ static vocc_status decide_part(const vocc_beaming *w, part p, int level,
         return test_fans(w, &p, list, &room->boxes[level]);
     /* A cell at one point has no more. */
     if (rays <= VOCC_BEAM_RAYS)
-        return test_rays(w, &p, list, &room->boxes[level]);
+        return list->closed ? trace_packets(w, &p)
+                            : test_rays(w, &p, list, &room->boxes[level]);
     if (p.cells == 1 ||
         (p.points.count > 1 && points_are_wider(w, list->near))) {
         const int parts = p.points.count > 4 ? 4 : p.points.count;

@@ -277,18 +277,78 @@ static void samples_end_in_their_cells(void)
 
 /* ---- counts ------------------------------------------------------------- */
 
+/* How segments were decided. */
+typedef struct decided {
+    uint64_t lit, dark, tested;
+} decided;
+
+/* By rays, and by beams with and without occluders. */
+static void compare_ways(const shape *s, const receivers *r,
+                         const vocc_light *lights, size_t light_count,
+                         const vocc_sampling *sampling, int with_shares,
+                         test_random *random, decided *sum)
+{
+    const size_t values = light_count * r->count;
+    uint16_t *visible = malloc(2 * values * sizeof(*visible));
+    float *share = malloc(2 * values * sizeof(*share));
+    world w;
+    vocc_error error;
+    REQUIRE(visible && share);
+    world_make(&w, s, NULL);
+    for (int way = 0; way < 3; way++) {
+        vocc_query_options options;
+        vocc_counters c;
+        memset(&c, 0, sizeof(c));
+        vocc_query_options_init(&options);
+        options.counters = &c;
+        options.method = way ? VOCC_METHOD_BEAMS : VOCC_METHOD_RAYS;
+        options.occluders = way != 2;
+        options.isa = isas[random_below(random, 5)];
+        if (!has_isa(options.isa))
+            options.isa = VOCC_ISA_AUTO;
+        uint16_t *counts = visible + (way ? values : 0);
+        float *shares = share + (way ? values : 0);
+        CHECK_STATUS(
+            vocc_light_visibility(
+                w.scene, r->count, rows_of(r->points, 12, VOCC_FLOAT32),
+                rows_of(r->normals, 12, VOCC_FLOAT32),
+                rows_of(NULL, 0, VOCC_UINT32), light_count, lights, sampling,
+                counts, with_shares ? shares : NULL, NULL, &options, &error),
+            &error, VOCC_OK);
+        if (!way)
+            continue;
+        sum->lit += c.beam_lit_rays;
+        sum->dark += c.beam_dark_rays;
+        sum->tested += c.beam_tested_rays;
+        for (size_t k = 0; k < values; k++)
+            if (counts[k] != visible[k]) {
+                test_fail(__FILE__, __LINE__,
+                          "light %zu of type %d, point %zu, %d samples: "
+                          "%d, not %d",
+                          k / r->count, (int)lights[k / r->count].type,
+                          k % r->count, (int)sampling->samples, counts[k],
+                          visible[k]);
+                break;
+            }
+        if (with_shares)
+            CHECK(memcmp(shares, share, values * sizeof(*share)) == 0);
+        test_compared(values * (size_t)sampling->samples);
+    }
+    free(share);
+    free(visible);
+    world_free(&w);
+}
+
 static void beams_count_what_rays_do(void)
 {
     enum { LIGHTS = 10 };
     test_random random = random_seed(31);
-    uint64_t lit = 0, dark = 0, tested = 0;
+    decided sum = {0, 0, 0};
     for (size_t i = 0; i < test_scaled(4 * shape_count(), shape_count()); i++) {
         shape s;
-        world w;
         receivers r;
         vocc_light lights[LIGHTS];
         vocc_sampling sampling;
-        vocc_error error;
         test_context(shape_name(i % shape_count()));
         shape_make(&s, i % shape_count(), 1);
         vocc_sampling_init(&sampling);
@@ -298,68 +358,86 @@ static void beams_count_what_rays_do(void)
         receivers_make_patches(
             &r, &s, test_scaled(sampling.samples > 40 ? 200 : 600, 130), 0.3,
             1e-4);
-        world_make(&w, &s, NULL);
         for (int l = 0; l < LIGHTS; l++)
             lights[l] = any_light(&random, 1.0);
-        const size_t values = LIGHTS * r.count;
-        uint16_t *visible = malloc(2 * values * sizeof(*visible));
-        float *share = malloc(2 * values * sizeof(*share));
-        REQUIRE(visible && share);
-        for (int way = 0; way < 3; way++) {
-            vocc_query_options options;
-            vocc_counters c;
-            memset(&c, 0, sizeof(c));
-            vocc_query_options_init(&options);
-            options.counters = &c;
-            options.method = way ? VOCC_METHOD_BEAMS : VOCC_METHOD_RAYS;
-            options.occluders = way != 2;
-            options.isa = isas[random_below(&random, 5)];
-            if (!has_isa(options.isa))
-                options.isa = VOCC_ISA_AUTO;
-            uint16_t *counts = visible + (way ? values : 0);
-            float *shares = share + (way ? values : 0);
-            CHECK_STATUS(
-                vocc_light_visibility(
-                    w.scene, r.count, rows_of(r.points, 12, VOCC_FLOAT32),
-                    rows_of(r.normals, 12, VOCC_FLOAT32),
-                    rows_of(NULL, 0, VOCC_UINT32), LIGHTS, lights, &sampling,
-                    counts, i % 3 ? NULL : shares, NULL, &options, &error),
-                &error, VOCC_OK);
-            lit += c.beam_lit_rays;
-            dark += c.beam_dark_rays;
-            tested += c.beam_tested_rays;
-            if (!way)
-                continue;
-            for (size_t k = 0; k < values; k++)
-                if (counts[k] != visible[k]) {
-                    test_fail(__FILE__, __LINE__,
-                              "light %zu of type %d, point %zu, %d samples: "
-                              "%d, not %d",
-                              k / r.count, (int)lights[k / r.count].type,
-                              k % r.count, (int)sampling.samples, counts[k],
-                              visible[k]);
-                    break;
-                }
-            if (i % 3 == 0)
-                CHECK(memcmp(shares, share, values * sizeof(*share)) == 0);
-            test_compared(values * (size_t)sampling.samples);
-        }
-        free(share);
-        free(visible);
+        compare_ways(&s, &r, lights, LIGHTS, &sampling, i % 3 == 0, &random,
+                     &sum);
         receivers_free(&r);
-        world_free(&w);
         shape_free(&s);
     }
-    test_note("beams settle %g lit and %g dark, and test %g", (double)lit,
-              (double)dark, (double)tested);
-    CHECK(lit > tested / 100);
-    CHECK(dark > tested / 1000);
-    CHECK(tested > lit / 1000);
+    test_note("beams settle %g lit and %g dark, and test %g", (double)sum.lit,
+              (double)sum.dark, (double)sum.tested);
+    CHECK(sum.lit > sum.tested / 100);
+    CHECK(sum.dark > sum.tested / 1000);
+    CHECK(sum.tested > sum.lit / 1000);
+}
+
+/* So many triangles that what beams meet has no room on their lists; also where
+ * points are on the light or far from everything. */
+static void beams_that_meet_too_much(void)
+{
+    enum { LIGHTS = 9 };
+    static const double angles[] = {1.0, 2.0, PI};
+    test_random random = random_seed(37);
+    decided sum = {0, 0, 0};
+    for (size_t i = 0; i < test_scaled(12, 2); i++) {
+        const double scale = i % 3 ? 1.0 : i % 2 ? 1e6 : 1e-5;
+        shape s;
+        receivers r;
+        vocc_light lights[LIGHTS];
+        vocc_sampling sampling;
+        memset(&s, 0, sizeof(s));
+        s.name = "knot";
+        s.part_count = 1;
+        test_context(s.name);
+        mesh *const m = &s.parts[0].m;
+        mesh_init(m);
+        add_knot(m, 2, 3, 800, 24, 0.35);
+        if (i % 2)
+            add_box(m, 1, (const double[]){-0.1, -0.1, -0.1},
+                    (const double[]){0.1, 0.1, 0.1});
+        mesh_move(m, 0, scale, 0, 0, 0);
+        vocc_sampling_init(&sampling);
+        sampling.samples =
+            i % 4 == 3 ? 130 : 1 + (int32_t)random_below(&random, 40);
+        sampling.sampler = (int32_t)random_below(&random, 2);
+        sampling.horizon = random_below(&random, 2) == 0;
+        receivers_make_patches(&r, &s, test_scaled(300, 100), i % 2 ? 0.3 : 8,
+                               1e-4 * scale);
+        for (int l = 0; l < LIGHTS; l++) {
+            lights[l] = any_light(&random, scale);
+            if (l < 3) {
+                lights[l].type = VOCC_LIGHT_SUN;
+                lights[l].angle = angles[l];
+            } else if (l < 6) {
+                lights[l].type = VOCC_LIGHT_SPHERE;
+                lights[l].radius = scale * random_in(&random, 0.5, 10);
+            } else {
+                const float *const on = &r.points[3 * (size_t)l];
+                lights[l].type = l % 2 ? VOCC_LIGHT_RECT : VOCC_LIGHT_DISK;
+                lights[l].one_sided = 0;
+                for (int k = 0; k < 3; k++) {
+                    if (l == 8 && on[k] - on[k] == 0.0f)
+                        lights[l].position[k] = (double)on[k];
+                    lights[l].edge_u[k] = scale * random_in(&random, -5, 5);
+                    lights[l].edge_v[k] = scale * random_in(&random, -5, 5);
+                }
+            }
+        }
+        compare_ways(&s, &r, lights, LIGHTS, &sampling, i % 3 == 1, &random,
+                     &sum);
+        receivers_free(&r);
+        mesh_free(m);
+    }
+    test_note("beams settle %g lit and %g dark, and test %g", (double)sum.lit,
+              (double)sum.dark, (double)sum.tested);
+    CHECK(sum.tested > sum.lit / 1000);
 }
 
 const test_case test_cells_cases[] = {
     {"cells.samples_in_lanes", samples_in_lanes},
     {"cells.samples_end_in_their_cells", samples_end_in_their_cells},
     {"cells.beams_count_what_rays_do", beams_count_what_rays_do},
+    {"cells.beams_that_meet_too_much", beams_that_meet_too_much},
     {NULL, NULL},
 };

@@ -104,30 +104,36 @@ void vocc_beam_set_points(vocc_beam *b, const vocc_beam_kernels *kernels,
     b->reach = up(reach);
 }
 
-/* Half axes of the part of the target between low and high, and its centre.
- * Corner i & 1 << j of the target's hull is at the end of axis j. */
-static void set_part(const vocc_target *target, const double low[2],
-                     const double high[2], double axis[3][3], double centre[3])
+/* Corner i & 1 << j of the target's hull is at the end of axis j. */
+void vocc_beam_hull_frame(const vocc_target *target, vocc_end_frame *frame)
 {
     const int axes = target->corners == 4 ? 2 : 3;
     int j, k;
     for (k = 0; k < 3; k++) {
-        centre[k] = (double)target->corner[0][k];
-        axis[2][k] = 0.0;
+        frame->origin[k] = (double)target->corner[0][k];
+        frame->axis[2][k] = 0.0;
+        for (j = 0; j < axes; j++)
+            frame->axis[j][k] =
+                (double)target->corner[1 << j][k] - frame->origin[k];
     }
-    for (j = 0; j < axes; j++) {
-        const double from = j < 2 ? low[j] : 0.0, to = j < 2 ? high[j] : 1.0;
-        for (k = 0; k < 3; k++) {
-            const double edge = (double)target->corner[1 << j][k] -
-                                (double)target->corner[0][k];
-            axis[j][k] = 0.5 * (to - from) * edge;
-            centre[k] += 0.5 * (from + to) * edge;
+}
+
+/* Half axes of a part of the ends, and its centre. */
+static void set_part(const vocc_end_frame *frame, const double low[3],
+                     const double high[3], double axis[3][3], double centre[3])
+{
+    int j, k;
+    for (k = 0; k < 3; k++) {
+        centre[k] = frame->origin[k];
+        for (j = 0; j < 3; j++) {
+            axis[j][k] = 0.5 * (high[j] - low[j]) * frame->axis[j][k];
+            centre[k] += 0.5 * (low[j] + high[j]) * frame->axis[j][k];
         }
     }
 }
 
 /* Bounds of |o x x|, o one of the points and x from the centre to an end. */
-static void set_twist(vocc_beam *b, int axes, double axis[3][3], double slack)
+static void set_twist(vocc_beam *b, double axis[3][3], double slack)
 {
     double o[3][3], size[3], twist[3];
     int i, j, k;
@@ -138,7 +144,7 @@ static void set_twist(vocc_beam *b, int axes, double axis[3][3], double slack)
         size[k] = vocc_abs(o[0][k]) + vocc_abs(o[1][k]) + vocc_abs(o[2][k]);
     for (k = 0; k < 3; k++)
         twist[k] = slack * (size[(k + 1) % 3] + size[(k + 2) % 3]);
-    for (j = 0; j < axes; j++)
+    for (j = 0; j < 3; j++)
         for (i = 0; i < 3; i++) {
             double cross[3];
             vocc_cross(o[i], axis[j], cross);
@@ -150,18 +156,18 @@ static void set_twist(vocc_beam *b, int axes, double axis[3][3], double slack)
 }
 
 void vocc_beam_set_end(vocc_beam *b, const vocc_target *target,
-                       const double low[2], const double high[2])
+                       const vocc_end_frame *frame, const double low[3],
+                       const double high[3])
 {
-    const int axes = target->corners == 4 ? 2 : 3,
-              is_direction = target->is_direction;
+    const int is_direction = target->is_direction;
     const double margin = (double)b->margin, size = (double)b->size,
                  slack = target->slack + 0x1p-22 * size;
     /* From a point no triangle is farther than sqrt(3) times 2 size. */
     const double length = is_direction ? 4.0 * size : 1.0;
     double axis[3][3], centre[3], reach = slack, width = 0.0;
     int j, k;
-    set_part(target, low, high, axis, centre);
-    set_twist(b, axes, axis, slack);
+    set_part(frame, low, high, axis, centre);
+    set_twist(b, axis, slack);
     for (j = 0; j < 3; j++)
         for (k = 0; k < 3; k++)
             b->end_axis[j][k] = (float)axis[j][k];

@@ -29,6 +29,7 @@
 #include "platform.h"
 #include "shaft.h"
 #include "traverse.h"
+#include "view.h"
 
 enum {
     VOCC_BEAM_POINTS = 256,
@@ -48,7 +49,8 @@ enum {
 /* Boxes that a beam meets, with their nodes and clusters. */
 typedef struct vocc_beam_list {
     int count;
-    int closed; /* nodes, of which all below may be met */
+    int closed; /* nodes, of which all below may be met: the rest of a list that
+                   is too long */
     float near; /* where the slices meet them, on average */
     VOCC_ALIGN(VOCC_LINE) float lower[3][VOCC_BEAM_LIST + VOCC_WIDE];
     float upper[3][VOCC_BEAM_LIST + VOCC_WIDE];
@@ -95,7 +97,6 @@ typedef struct vocc_beam {
     float way[3], way_half[3]; /* bounds of all directions */
 
     uint32_t stack[VOCC_BEAM_STACK];
-    vocc_beam_list below; /* some of the clusters below a list */
     /* Segments that may meet 16 clusters, and one of these. */
     int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE];
     uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];
@@ -149,9 +150,12 @@ typedef struct vocc_beam_fans {
     uint64_t touching; /* points that may lie on a triangle that was tested */
 } vocc_beam_fans;
 
-/* Some samples of a jittered pattern (sampler.h) in an order of their own. */
+/* Some samples of a pattern (sampler.h) in an order of their own. */
 typedef struct vocc_strata {
-    uint32_t count, sample[VOCC_BEAM_RAYS];
+    int is_jitter;
+    uint32_t count;
+    uint32_t x[VOCC_BEAM_RAYS], y[VOCC_BEAM_RAYS]; /* SOBOL; the rest: JITTER */
+    uint32_t sample[VOCC_BEAM_RAYS];
     float column[VOCC_BEAM_RAYS], row[VOCC_BEAM_RAYS];
     float width, height; /* of a stratum */
 } vocc_strata;
@@ -189,12 +193,10 @@ typedef struct vocc_beam_kernels {
      * three axes. */
     void (*measure)(vocc_beam *beam, float (*axis)[3], float low[3],
                     float high[3]);
-    /* Directions from org to the samples of strata on a rectangle, as
-     * vocc_sample and vocc_aim_ray. */
-    void (*jitter)(const vocc_strata *strata, uint32_t key,
-                   const float corner[3], const float edge_u[3],
-                   const float edge_v[3], const float org[3], float *x,
-                   float *y, float *z);
+    /* Places in the unit square of the samples of strata, as vocc_sample (key:
+     * vocc_jitter_key or vocc_sample_seed), and directions to them. */
+    void (*samples)(const vocc_strata *strata, uint32_t key,
+                    const vocc_view *view, float *a, float *b, float *dir[3]);
     /* Sets from, inverse, moment, norm. */
     void (*prepare)(const vocc_beam *beam, vocc_beam_rays *rays);
     /* Whether one of the occluders (NULL, or if they are cut: of all those of
@@ -205,7 +207,8 @@ typedef struct vocc_beam_kernels {
                 int32_t region, vocc_beam_boxes *to);
     /* Clears the bits of segments that pass through one of the boxes. */
     void (*block_by_boxes)(const vocc_beam_boxes *boxes, vocc_beam_rays *rays);
-    /* Clears the bits of segments that cross a triangle below the list. */
+    /* For a list of clusters only: clears the bits of segments that cross one
+     * of their triangles. */
     void (*block)(vocc_beam *beam, const vocc_beam_list *list,
                   vocc_beam_rays *rays);
     void (*block_fans)(vocc_beam *beam, const vocc_beam_list *list,
@@ -234,11 +237,16 @@ VOCC_INTERNAL void vocc_beam_set_points(vocc_beam *beam,
                                         const double (*normal)[3],
                                         const uint16_t *which);
 
-/* Sets up what they aim at: the part of the target between (low[0], low[1])
- * and (high[0], high[1]) along its first two axes, 0 to 1 each.  After
- * vocc_beam_set_points. */
+/* The frame whose unit cube is the target's hull. */
+VOCC_INTERNAL void vocc_beam_hull_frame(const vocc_target *target,
+                                        vocc_end_frame *frame);
+
+/* Sets up what they aim at: ends of the target that are, but for its slack,
+ * between low and high in the frame, whose first two axes are those along which
+ * fans are cut into blocks.  After vocc_beam_set_points. */
 VOCC_INTERNAL void vocc_beam_set_end(vocc_beam *beam, const vocc_target *target,
-                                     const double low[2], const double high[2]);
+                                     const vocc_end_frame *frame,
+                                     const double low[3], const double high[3]);
 
 /* Sets up the dome of some points, for rays of a length up to `distance` whose
  * directions are of unit length and on the side of the point's normal, as

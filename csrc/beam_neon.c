@@ -5,6 +5,7 @@
 #include "triangle.h"
 #include "vec3.h"
 
+#include <math.h>
 #include <string.h>
 
 #if VOCC_HAVE_NEON

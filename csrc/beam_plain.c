@@ -5,6 +5,7 @@
 #include "triangle.h"
 #include "vec3.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "wide_plain.h"

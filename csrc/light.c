@@ -363,100 +363,89 @@ void vocc_emitter_face(const vocc_emitter *e, size_t count,
 void vocc_aim_init(vocc_aim *aim, const vocc_emitter *e, const float point[3],
                    const double normal[3])
 {
+    vocc_view *const s = &aim->view;
     int k;
     aim->emitter = e;
-    memcpy(aim->point, point, sizeof aim->point);
     memcpy(aim->normal, normal, sizeof aim->normal);
+    memcpy(s->point, point, sizeof s->point);
+    s->is_sphere = e->type == VOCC_LIGHT_SPHERE;
     switch (e->type) {
-    case VOCC_LIGHT_SPHERE:
-    case VOCC_LIGHT_POINT:
-    case VOCC_LIGHT_SPOT: {
+    case VOCC_LIGHT_RECT:
+        s->kind = VOCC_VIEW_RECT;
+        memcpy(s->corner, e->position, sizeof s->corner);
+        memcpy(s->edge_u, e->edge_u, sizeof s->edge_u);
+        memcpy(s->edge_v, e->edge_v, sizeof s->edge_v);
+        return;
+    case VOCC_LIGHT_DISK:
+        s->kind = VOCC_VIEW_FLAT;
+        s->radius = 1.0;
+        for (k = 0; k < 3; k++) {
+            s->u[k] = (double)e->edge_u[k];
+            s->v[k] = (double)e->edge_v[k];
+        }
+        break;
+    case VOCC_LIGHT_SUN:
+        s->kind = VOCC_VIEW_CAP;
+        s->cap = e->cap;
+        memcpy(s->w, e->axis, sizeof s->w);
+        memcpy(s->u, e->axis_u, sizeof s->u);
+        memcpy(s->v, e->axis_v, sizeof s->v);
+        return;
+    case VOCC_LIGHT_HEMISPHERE:
+        vocc_normalize(normal, s->w);
+        vocc_make_frame(s->w, s->u, s->v);
+        return;
+    default: { /* SPHERE, POINT, SPOT */
         double to[3];
         for (k = 0; k < 3; k++)
             to[k] = e->centre[k] - (double)point[k];
-        aim->distance = sqrt(vocc_dot(to, to));
-        if (!vocc_normalize(to, aim->axis)) {
-            aim->axis[0] = aim->axis[1] = 0.0;
-            aim->axis[2] = 1.0;
+        s->distance = sqrt(vocc_dot(to, to));
+        s->radius = e->radius;
+        if (!vocc_normalize(to, s->w)) {
+            s->w[0] = s->w[1] = 0.0;
+            s->w[2] = 1.0;
         }
-        vocc_make_frame(aim->axis, aim->axis_u, aim->axis_v);
-        if (e->type == VOCC_LIGHT_SPHERE && aim->distance > e->radius) {
-            const double sine = e->radius / aim->distance, square = sine * sine;
-            aim->cap = square / (1.0 + sqrt(1.0 - square));
-        } else {
-            aim->cap = 2.0; /* all around */
+        vocc_make_frame(s->w, s->u, s->v);
+        s->kind = s->is_sphere ? VOCC_VIEW_CAP : VOCC_VIEW_FLAT;
+        s->cap = 2.0; /* all around */
+        if (s->distance > e->radius) {
+            const double sine = e->radius / s->distance, square = sine * sine;
+            s->cap = square / (1.0 + sqrt(1.0 - square));
         }
-        break;
     }
-    case VOCC_LIGHT_HEMISPHERE:
-        vocc_normalize(normal, aim->axis);
-        vocc_make_frame(aim->axis, aim->axis_u, aim->axis_v);
-        break;
-    default:
-        break;
     }
-}
-
-/* A unit direction of the cap around an axis, areas in proportion to those of
- * the unit disk; 1 - cosine is up to `cap`.  Returns the cosine. */
-static double cap_point(double cap, double x, double y, const double axis[3],
-                        const double u[3], const double v[3], double out[3])
-{
-    const double lowered = cap * (x * x + y * y), left = 2.0 - lowered,
-                 wide = left > 0.0 ? sqrt(cap * left) : 0.0;
-    int k;
-    for (k = 0; k < 3; k++)
-        out[k] = (1.0 - lowered) * axis[k] + wide * (x * u[k] + y * v[k]);
-    return 1.0 - lowered;
+    memcpy(s->centre, e->centre, sizeof s->centre);
 }
 
 float vocc_aim_ray_round(const vocc_aim *aim, float a, float b, float dir[3])
 {
     const vocc_emitter *e = aim->emitter;
-    double x, y, to[3];
+    const vocc_view *s = &aim->view;
+    double x, y, cosine, wide, length = 1.0;
     int k;
     vocc_disk_point(a, b, &x, &y);
-    switch (e->type) {
-    case VOCC_LIGHT_DISK:
-        for (k = 0; k < 3; k++)
-            dir[k] = (float)(e->centre[k] + x * (double)e->edge_u[k] +
-                             y * (double)e->edge_v[k] - (double)aim->point[k]);
-        return 1.0f;
-    case VOCC_LIGHT_SPHERE: {
-        const double cosine = cap_point(aim->cap, x, y, aim->axis, aim->axis_u,
-                                        aim->axis_v, to),
-                     along = aim->distance * cosine,
-                     square = e->radius * e->radius -
-                              (aim->distance - along) * (aim->distance + along),
-                     half = square > 0.0 ? sqrt(square) : 0.0;
-        /* To where the direction meets the sphere first, or from inside. */
-        const double t =
-            aim->distance > e->radius ? along - half : along + half;
-        for (k = 0; k < 3; k++)
-            dir[k] = (float)(t * to[k]);
-        return 1.0f;
-    }
-    case VOCC_LIGHT_SUN:
-        (void)cap_point(e->cap, x, y, e->axis, e->axis_u, e->axis_v, to);
-        for (k = 0; k < 3; k++)
-            dir[k] = (float)to[k];
-        return INFINITY;
-    case VOCC_LIGHT_HEMISPHERE: {
+    if (e->type == VOCC_LIGHT_HEMISPHERE) {
         const double square = 1.0 - x * x - y * y,
                      z = square > 0.0 ? sqrt(square) : 0.0;
         for (k = 0; k < 3; k++)
-            dir[k] = (float)(z * aim->axis[k] + x * aim->axis_u[k] +
-                             y * aim->axis_v[k]);
+            dir[k] = (float)(z * s->w[k] + x * s->u[k] + y * s->v[k]);
         return e->distance;
     }
-    default: /* POINT, SPOT */
-        x *= e->radius;
-        y *= e->radius;
+    if (s->kind == VOCC_VIEW_FLAT) {
         for (k = 0; k < 3; k++)
-            dir[k] = (float)(e->centre[k] + x * aim->axis_u[k] +
-                             y * aim->axis_v[k] - (double)aim->point[k]);
+            dir[k] = vocc_view_flat(s, k, x, y);
         return 1.0f;
     }
+    cosine = vocc_view_cosine(s, x, y, &wide);
+    wide = sqrt(wide);
+    if (s->is_sphere) {
+        double half;
+        length = vocc_view_along(s, cosine, &half);
+        length = vocc_view_length(s, length, sqrt(half));
+    }
+    for (k = 0; k < 3; k++)
+        dir[k] = vocc_view_cap(s, k, length, cosine, wide, x, y);
+    return s->is_sphere ? 1.0f : INFINITY;
 }
 
 static double height(const vocc_aim *aim, const float dir[3])
@@ -489,7 +478,7 @@ double vocc_aim_weight(const vocc_aim *aim, const float dir[3])
             at_light = sqrt(square);
         break;
     default:
-        at_light = vocc_abs(vocc_dot(aim->axis, d));
+        at_light = vocc_abs(vocc_dot(aim->view.w, d));
     }
     return cosine * at_light / (square * square);
 }
@@ -566,4 +555,62 @@ void vocc_emitter_target(const vocc_emitter *e, const vocc_tree *tree,
     else if (!vocc_locate_box(tree, target->lower, target->upper,
                               &target->region))
         target->region = VOCC_END_UNKNOWN;
+}
+
+/* Axes along the longer edge and in the plane of both, and their normal; of one
+ * edge or none, whichever. */
+static void edge_axes(const vocc_emitter *e, double axis[3][3])
+{
+    double u[3], v[3], p[3], q[3], along, beside, length;
+    int k;
+    for (k = 0; k < 3; k++) {
+        u[k] = (double)e->edge_u[k];
+        v[k] = (double)e->edge_v[k];
+    }
+    if (!vocc_normalize(vocc_dot(u, u) < vocc_dot(v, v) ? v : u, axis[0])) {
+        axis[0][0] = axis[0][1] = 0.0;
+        axis[0][2] = 1.0;
+    }
+    vocc_make_frame(axis[0], p, q);
+    if (vocc_dot(u, u) < vocc_dot(v, v))
+        memcpy(v, u, sizeof v);
+    along = vocc_dot(v, p);
+    beside = vocc_dot(v, q);
+    length = sqrt(along * along + beside * beside);
+    along = length > 0.0 ? along / length : 1.0;
+    beside = length > 0.0 ? beside / length : 0.0;
+    for (k = 0; k < 3; k++) {
+        axis[1][k] = along * p[k] + beside * q[k];
+        axis[2][k] = along * q[k] - beside * p[k];
+    }
+}
+
+void vocc_emitter_frame(const vocc_emitter *e, const float point[3],
+                        vocc_end_frame *frame)
+{
+    double (*const axis)[3] = frame->axis;
+    int k;
+    memcpy(frame->origin, e->type == VOCC_LIGHT_SUN ? e->axis : e->centre,
+           sizeof frame->origin);
+    switch (e->type) {
+    case VOCC_LIGHT_RECT:
+    case VOCC_LIGHT_DISK:
+        edge_axes(e, axis);
+        break;
+    case VOCC_LIGHT_SUN:
+        memcpy(axis[0], e->axis_u, sizeof axis[0]);
+        memcpy(axis[1], e->axis_v, sizeof axis[1]);
+        memcpy(axis[2], e->axis, sizeof axis[2]);
+        break;
+    default: {
+        double to[3];
+        for (k = 0; k < 3; k++)
+            to[k] = e->centre[k] - (double)point[k];
+        if (!vocc_normalize(to, axis[2])) {
+            axis[2][0] = axis[2][1] = 0.0;
+            axis[2][2] = 1.0;
+        }
+        vocc_make_frame(axis[2], axis[0], axis[1]);
+    }
+    }
 }

@@ -6,6 +6,7 @@
 #include "kdtree.h"
 #include "platform.h"
 #include "shaft.h"
+#include "view.h"
 #include "vocc.h"
 
 /* Beside the types of vocc_light_type. */
@@ -30,10 +31,8 @@ typedef struct vocc_emitter {
 /* A light as seen from one point. */
 typedef struct vocc_aim {
     const vocc_emitter *emitter;
-    float point[3];
     double normal[3];
-    double axis[3], axis_u[3], axis_v[3];
-    double distance, cap; /* SPHERE */
+    vocc_view view;
 } vocc_aim;
 
 typedef enum vocc_facing {
@@ -97,7 +96,7 @@ VOCC_INLINE float vocc_aim_ray(const vocc_aim *aim, float a, float b,
         return vocc_aim_ray_round(aim, a, b, dir);
     for (k = 0; k < 3; k++)
         dir[k] = ((e->position[k] + a * e->edge_u[k]) + b * e->edge_v[k]) -
-                 aim->point[k];
+                 aim->view.point[k];
     return 1.0f;
 }
 
@@ -115,5 +114,11 @@ VOCC_INTERNAL void vocc_emitter_target(const vocc_emitter *emitter,
                                        const vocc_tree *tree,
                                        const double reach[3],
                                        vocc_target *target);
+
+/* An orthonormal frame of the ends of rays from about that point: the light is
+ * thin, or seen from the front, along the third axis.  Not for a HEMISPHERE. */
+VOCC_INTERNAL void vocc_emitter_frame(const vocc_emitter *emitter,
+                                      const float point[3],
+                                      vocc_end_frame *frame);
 
 #endif

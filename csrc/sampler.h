@@ -88,12 +88,12 @@ VOCC_INLINE void vocc_jitter(uint32_t key, uint32_t sample, float column,
     *b = (row + v) * height;
 }
 
-VOCC_INLINE void vocc_sample_sobol(uint32_t seed, const vocc_place *place,
-                                   float *a, float *b)
+/* `other` is hash32(seed). */
+VOCC_INLINE void vocc_sobol(uint32_t seed, uint32_t other, uint32_t place_x,
+                            uint32_t place_y, float *a, float *b)
 {
-    const uint32_t x = vocc_reverse_bits(vocc_scramble(place->x, seed)),
-                   y = vocc_reverse_bits(
-                       vocc_scramble(place->y, vocc_hash32(seed)));
+    const uint32_t x = vocc_reverse_bits(vocc_scramble(place_x, seed)),
+                   y = vocc_reverse_bits(vocc_scramble(place_y, other));
     *a = (float)(int32_t)(x >> 8) * 0x1p-24f;
     *b = (float)(int32_t)(y >> 8) * 0x1p-24f;
 }
@@ -108,7 +108,7 @@ VOCC_INLINE void vocc_sample(const vocc_pattern *pattern, uint32_t point_id,
                     place->column, place->row, pattern->width, pattern->height,
                     a, b);
     else
-        vocc_sample_sobol(seed, place, a, b);
+        vocc_sobol(seed, vocc_hash32(seed), place->x, place->y, a, b);
 }
 
 #endif

@@ -7,7 +7,8 @@
  * light's cells, whichever is wider where it meets triangles; parts are lit if
  * they meet nothing, dark if a slice lies inside an occluder; and when few
  * segments are left, or few clusters before points with many samples, they are
- * tested. */
+ * tested: against the list of what the beam meets, or if that is too long, as
+ * single rays. */
 #include "lanes.h"
 #include "shadow_group.h"
 #include "vec3.h"
@@ -48,7 +49,14 @@ static vocc_range part_of(vocc_range r, int i, int parts)
     return p;
 }
 
-static const double no_low[2] = {0.0, 0.0}, all_high[2] = {1.0, 1.0};
+/* The beam aims at all of the light. */
+static void set_whole_end(const vocc_beaming *w)
+{
+    static const double low[3] = {0.0, 0.0, 0.0}, high[3] = {1.0, 1.0, 1.0};
+    vocc_end_frame frame;
+    vocc_beam_hull_frame(&w->light->target, &frame);
+    vocc_beam_set_end(&w->room->beam, &w->light->target, &frame, low, high);
+}
 
 /* First round. */
 vocc_status vocc_group_find_lit(const vocc_beaming *w, vocc_range r)
@@ -60,7 +68,7 @@ vocc_status vocc_group_find_lit(const vocc_beaming *w, vocc_range r)
         return VOCC_OK;
     w->counters->beams++;
     set_points(w, r);
-    vocc_beam_set_end(b, &w->light->target, no_low, all_high);
+    set_whole_end(w);
     b->exits = 0;
     if (!w->kernels->meets_any(b)) {
         if (w->light->target.region == 0)
@@ -197,6 +205,71 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
                                       (b->nodes + b->clusters - before));
 }
 
+/* The segments of the worker's block through the hierarchy; place[]: where they
+ * are in the store. */
+static vocc_status trace_block(const vocc_beaming *w, const uint32_t *place)
+{
+    vocc_lighting *g = w->g;
+    vocc_beam *b = &w->room->beam;
+    vocc_block *const block = g->worker->block;
+    const uint64_t before = b->nodes + b->clusters;
+    const size_t rays = block->count;
+    uint16_t odd[VOCC_BLOCK];
+    size_t i, n;
+    n = w->kernels->trace_rays(b, block, g->s->query.options.occluders, odd);
+    for (i = 0; i < n; i++) {
+        block->occluded[odd[i]] = 0;
+        if (vocc_is_void(block, odd[i]))
+            continue;
+        w->counters->careful_rays++;
+        vocc_trace_careful(g->worker->tracer, block, odd[i], 0);
+    }
+    for (i = 0; i < rays; i++)
+        w->room->store.blocked[place[i]] = block->occluded[i];
+    w->counters->beam_tested_rays += rays;
+    block->count = 0;
+    return vocc_shadow_poll(g, (uint64_t)rays / VOCC_STEPS_LIKE_A_RAY +
+                                   (b->nodes + b->clusters - before));
+}
+
+/* Segments that a list is too long for: through the hierarchy, in packets of
+ * neighbours. */
+static vocc_status trace_packets(const vocc_beaming *w, const part *p)
+{
+    const vocc_segments *s = &w->room->store;
+    vocc_block *const block = w->g->worker->block;
+    const int32_t region = w->light->target.region;
+    uint32_t place[VOCC_BLOCK];
+    vocc_status status = VOCC_OK;
+    int c, i, k;
+    block->count = 0;
+    for (c = p->cell; c < p->cell + p->cells; c++)
+        for (i = 0; i < p->points.count; i++) {
+            const uint32_t *const start = s->start[p->first + i];
+            const float *const point =
+                w->g->t->point[w->light->which[p->points.first + i]];
+            uint32_t at;
+            for (at = start[c]; at < start[c + 1] && status == VOCC_OK; at++) {
+                const size_t n = block->count++;
+                for (k = 0; k < 3; k++) {
+                    block->org[k][n] = point[k];
+                    block->dir[k][n] = s->dir[k][at];
+                }
+                block->tmin[n] = 0.0f;
+                block->tmax[n] = s->tmax;
+                block->end_region[n] = region;
+                place[n] = at;
+                if (block->count == VOCC_BLOCK)
+                    status = trace_block(w, place);
+            }
+        }
+    if (status == VOCC_OK)
+        status = trace_block(w, place);
+    /* Packets have made the beam theirs. */
+    set_points(w, p->points);
+    return status;
+}
+
 static double widest(const float lower[3], const float upper[3])
 {
     double most = 0.0;
@@ -254,15 +327,17 @@ static vocc_status test_fans(const vocc_beaming *w, const part *p,
     vocc_segments *s = &room->store;
     const uint64_t before = b->nodes + b->clusters;
     const int step = cells_a_block(s, p);
-    double low[2], high[2];
+    double low[3], high[3];
     int i, j, k;
     float norm = 0.0f;
-    vocc_cells_end(room->order, p->cell, p->cells, low, high);
+    vocc_cells_end(s, p->cell, p->cells, low, high);
     f->blocks = step ? p->cells / step : 0;
     for (k = 0; k < 2; k++)
         for (j = 0; j < f->blocks; j++) {
-            double from[2], to[2], a, c, size = high[k] - low[k];
-            vocc_cells_end(room->order, p->cell + j * step, step, from, to);
+            double from[3], to[3], a, c, size = high[k] - low[k];
+            vocc_cells_end(s, p->cell + j * step, step, from, to);
+            if (from[k] > to[k]) /* no samples */
+                from[k] = to[k] = low[k];
             a = size > 0.0 ? (2.0 * (from[k] - low[k]) - size) / size : 0.0;
             c = size > 0.0 ? (2.0 * (to[k] - low[k]) - size) / size : 0.0;
             f->middle[k][j] = (float)(0.5 * (a + c));
@@ -339,15 +414,15 @@ static vocc_status decide_part(const vocc_beaming *w, part p, int level,
     vocc_beam_room *room = w->room;
     vocc_beam *b = &room->beam;
     vocc_beam_list *list = &room->lists[level];
-    double low[2], high[2];
+    double low[3], high[3];
     const uint32_t rays = count_rays(&room->store, &p);
     vocc_status status = VOCC_OK;
     int i;
     if (!rays)
         return VOCC_OK;
     w->counters->beams++;
-    vocc_cells_end(room->order, p.cell, p.cells, low, high);
-    vocc_beam_set_end(b, &w->light->target, low, high);
+    vocc_cells_end(&room->store, p.cell, p.cells, low, high);
+    vocc_beam_set_end(b, &w->light->target, &room->store.frame, low, high);
     w->kernels->narrow(b, from, list);
     if (!list->count) {
         w->counters->beam_lit_rays += rays;
@@ -364,7 +439,8 @@ static vocc_status decide_part(const vocc_beaming *w, part p, int level,
         return test_fans(w, &p, list, &room->boxes[level]);
     /* A cell at one point has no more. */
     if (rays <= VOCC_BEAM_RAYS)
-        return test_rays(w, &p, list, &room->boxes[level]);
+        return list->closed ? trace_packets(w, &p)
+                            : test_rays(w, &p, list, &room->boxes[level]);
     if (p.cells == 1 ||
         (p.points.count > 1 && points_are_wider(w, list->near))) {
         const int parts = p.points.count > 4 ? 4 : p.points.count;
@@ -425,7 +501,7 @@ static vocc_status decide(const vocc_beaming *w, vocc_range r)
         return VOCC_OK;
     w->counters->beams++;
     set_points(w, r);
-    vocc_beam_set_end(b, &w->light->target, no_low, all_high);
+    set_whole_end(w);
     b->exits = w->light->target.region == 0;
     for (i = 0; i < r.count; i++)
         b->exits &= room->outside[w->light->which[r.first + i]];
@@ -444,7 +520,7 @@ static vocc_status decide(const vocc_beaming *w, vocc_range r)
         if (n < r.count) {
             r.count = (uint16_t)n;
             set_points(w, r);
-            vocc_beam_set_end(b, &w->light->target, no_low, all_high);
+            set_whole_end(w);
         }
     }
     if (is_dark(w, NULL, &room->boxes[0]))

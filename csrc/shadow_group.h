@@ -42,6 +42,8 @@ typedef struct vocc_lit_tile {
  * they end in: cells along a Morton curve. */
 typedef struct vocc_segments {
     int cells;
+    vocc_end_frame frame; /* of the ends, and what each cell covers in it: */
+    const double (*low)[3], (*high)[3];
     float tmax;
     uint32_t start[VOCC_GROUP][VOCC_CELLS + 1];
     VOCC_ALIGN(VOCC_LINE)
@@ -51,14 +53,15 @@ typedef struct vocc_segments {
     uint8_t blocked[VOCC_STORE];
 } vocc_segments;
 
-/* Cells of a light: the parts that they cover, and, if they are the same
- * samples at all points (is_fixed), these in the order of cells. */
+/* Cells of a light, parts of the unit square; if they are the same samples at
+ * all points (is_fixed), these in the order of cells.  What a cell covers is
+ * known beforehand of rectangles only: of hull and unit square alike. */
 typedef struct vocc_cell_order {
     int grid, cells, is_fixed;
     uint32_t first, count; /* samples */
     uint16_t place[VOCC_CHUNK], start[VOCC_CELLS + 1];
     uint8_t cell[VOCC_CHUNK]; /* of each sample */
-    double low[VOCC_CELLS][2], high[VOCC_CELLS][2];
+    double low[VOCC_CELLS][3], high[VOCC_CELLS][3];
     vocc_strata strata; /* in the order of `place` */
 } vocc_cell_order;
 
@@ -68,8 +71,9 @@ struct vocc_beam_room {
     vocc_beam_rays rays;
     vocc_beam_fans fans;
     vocc_segments store;
-    vocc_cell_order rectangle, whole; /* of rectangles, and of other lights */
-    const vocc_cell_order *order;     /* of the light */
+    vocc_cell_order order;
+    double low[VOCC_CELLS][3],
+        high[VOCC_CELLS][3]; /* of what is no rectangle */
     vocc_lit_tile lights[VOCC_BEAM_LIGHTS];
     uint8_t outside[VOCC_TILE_POINTS];      /* points surely in region 0 */
     vocc_beam_boxes boxes[VOCC_LEVELS + 1]; /* occluders that beams meet */
@@ -97,9 +101,18 @@ VOCC_INTERNAL void vocc_group_fill(const vocc_beaming *w, vocc_range r,
 VOCC_INTERNAL void vocc_group_read(const vocc_beaming *w, vocc_range r,
                                    uint32_t first);
 
-/* The part of the light that some cells cover. */
-VOCC_INTERNAL void vocc_cells_end(const vocc_cell_order *order, int cell,
-                                  int cells, double low[2], double high[2]);
+/* What the cells of the store cover in its frame, from the very segments of
+ * points which[]: so that this holds their ends whatever the light and its
+ * samples are, rounded as they are.  Cells without segments hold nothing. */
+VOCC_INTERNAL void vocc_segments_measure(vocc_segments *store,
+                                         const float (*point)[3],
+                                         const uint16_t *which, int count,
+                                         int is_direction, double (*low)[3],
+                                         double (*high)[3]);
+
+/* The part of the light that some cells cover, in the frame of the store. */
+VOCC_INTERNAL void vocc_cells_end(const vocc_segments *store, int cell,
+                                  int cells, double low[3], double high[3]);
 
 /* Ambient occlusion: all points of the tile that face. */
 VOCC_INTERNAL vocc_status vocc_shadow_domes(const vocc_beaming *w);

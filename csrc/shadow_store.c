@@ -2,6 +2,8 @@
  * light that they end in, and counted. */
 #include "shadow_group.h"
 
+#include <float.h>
+#include <math.h>
 #include <string.h>
 
 /* Cells along an edge of a light. */
@@ -143,23 +145,19 @@ static void cell_place(int cell, int *column, int *row)
     }
 }
 
-/* Cells of the samples first .. first + count - 1.  The strata of a rectangle
- * belong to cells; other samples of it lie in squares.  Of other lights the one
- * cell is the whole. */
+/* Cells of the samples first .. first + count - 1.  Strata belong to cells;
+ * other samples lie in squares. */
 static void make_order(const vocc_pattern *pattern, uint32_t first,
-                       uint32_t count, int is_rectangle, vocc_cell_order *order)
+                       uint32_t count, vocc_cell_order *order)
 {
     uint16_t next[VOCC_CELLS + 1];
     uint32_t i;
     int c, k;
     order->first = first;
     order->count = count;
-    order->grid = !is_rectangle || count <= 4 ? 1
-                  : count <= 8                ? 2
-                  : count <= 64               ? 4
-                                              : MAX_GRID;
+    order->grid = count <= 4 ? 1 : count <= 8 ? 2 : count <= 64 ? 4 : MAX_GRID;
     order->cells = order->grid * order->grid;
-    order->is_fixed = is_rectangle && pattern->sampler == VOCC_SAMPLER_JITTER;
+    order->is_fixed = pattern->sampler == VOCC_SAMPLER_JITTER;
     memset(order->start, 0, sizeof order->start);
     for (c = 0; c < order->cells; c++) {
         int at[2];
@@ -171,10 +169,10 @@ static void make_order(const vocc_pattern *pattern, uint32_t first,
                                     ? 0.0
                                     : (double)(at[k] + 1) / (double)order->grid;
         }
+        order->low[c][2] = 0.0;
+        order->high[c][2] = 1.0;
     }
-    if (!order->is_fixed)
-        return;
-    for (i = 0; i < count; i++) {
+    for (i = 0; order->is_fixed && i < count; i++) {
         const vocc_place *p = &pattern->places[first + i];
         const double low[2] = {(double)p->column * (double)pattern->width,
                                (double)p->row * (double)pattern->height},
@@ -199,7 +197,9 @@ static void make_order(const vocc_pattern *pattern, uint32_t first,
         order->start[c + 1] = (uint16_t)(order->start[c + 1] + order->start[c]);
     memcpy(next, order->start, sizeof next);
     for (i = 0; i < count; i++)
-        order->place[next[order->cell[i]]++] = (uint16_t)i;
+        order->place[order->is_fixed ? next[order->cell[i]]++ : i] =
+            (uint16_t)i;
+    order->strata.is_jitter = order->is_fixed;
     order->strata.count = count;
     order->strata.width = pattern->width;
     order->strata.height = pattern->height;
@@ -208,78 +208,137 @@ static void make_order(const vocc_pattern *pattern, uint32_t first,
         order->strata.sample[i] = p->sample;
         order->strata.column[i] = p->column;
         order->strata.row[i] = p->row;
+        order->strata.x[i] = p->x;
+        order->strata.y[i] = p->y;
     }
 }
 
-/* The segments of a point to a light whose cells are the same at all points, if
- * all of them are to be decided. */
-static uint32_t store_fixed(const vocc_beaming *w, int number, uint16_t which,
-                            uint32_t count, uint32_t at)
+/* Segments of all samples in the order of `order`. */
+static void make_segments(const point_samples *p, float *a, float *b,
+                          float *dir[3])
 {
-    const vocc_lighting *g = w->g;
+    const vocc_beaming *w = p->w;
+    const vocc_cell_order *order = &w->room->order;
+    w->kernels->samples(&order->strata,
+                        order->is_fixed
+                            ? vocc_jitter_key(p->id, (uint32_t)w->g->number)
+                            : p->seed,
+                        &p->aim.view, a, b, dir);
+}
+
+/* The segments of a point whose cells are the same at all points, if all of
+ * them are to be decided. */
+static uint32_t store_fixed(const vocc_beaming *w, int number, uint16_t which,
+                            uint32_t at)
+{
     vocc_segments *s = &w->room->store;
-    const vocc_cell_order *order = w->room->order;
-    const vocc_emitter *e = g->light;
-    int c;
-    w->kernels->jitter(&order->strata,
-                       vocc_jitter_key(g->t->id[which], (uint32_t)g->number),
-                       e->position, e->edge_u, e->edge_v, g->t->point[which],
-                       s->dir[0] + at, s->dir[1] + at, s->dir[2] + at);
-    memcpy(s->sample + at, order->place, count * sizeof *s->sample);
+    const vocc_cell_order *order = &w->room->order;
+    float a[VOCC_CHUNK], b[VOCC_CHUNK], *dir[3];
+    point_samples p;
+    int c, k;
+    point_begin(&p, w, which);
+    for (k = 0; k < 3; k++)
+        dir[k] = s->dir[k] + at;
+    make_segments(&p, a, b, dir);
+    memcpy(s->sample + at, order->place, order->count * sizeof *s->sample);
     for (c = 0; c <= order->cells; c++)
         s->start[number][c] = at + order->start[c];
-    s->tmax = 1.0f;
-    return at + count;
+    return at + order->count;
 }
 
-/* The cell of sample i of the order, at (a, b) of the light. */
-static int cell_of(const vocc_cell_order *order, uint32_t i, const float ab[2])
+/* Cells at (a, b) of the unit square; a and b may be 1, by rounding. */
+static void find_cells(const vocc_cell_order *order, const float *a,
+                       const float *b, uint8_t *cell)
 {
-    int at[2], k;
-    if (order->is_fixed)
-        return order->cell[i];
-    for (k = 0; k < 2; k++) {
-        at[k] = (int)((double)ab[k] * (double)order->grid);
-        at[k] = at[k] < order->grid ? at[k] : order->grid - 1;
+    const float grid = (float)order->grid;
+    const int last = order->grid - 1;
+    uint32_t i;
+    for (i = 0; order->is_fixed && i < order->count; i++)
+        cell[i] = order->cell[order->place[i]];
+    for (i = 0; !order->is_fixed && i < order->count; i++) {
+        const int column = (int)(a[i] * grid), row = (int)(b[i] * grid);
+        cell[i] = (uint8_t)cell_number(column < last ? column : last,
+                                       row < last ? row : last);
     }
-    return cell_number(at[0], at[1]);
 }
 
 static uint32_t store_sorted(const vocc_beaming *w, int number, uint16_t which,
-                             uint32_t first, uint32_t count, uint32_t at)
+                             uint32_t at)
 {
     const vocc_lighting *g = w->g;
     vocc_segments *s = &w->room->store;
     const uint8_t *const bits = vocc_shadow_bits(g, which);
-    const vocc_cell_order *order = w->room->order;
-    float dirs[VOCC_CHUNK][3];
-    uint16_t cell[VOCC_CHUNK], kept[VOCC_CHUNK];
+    const vocc_cell_order *order = &w->room->order;
+    float a[VOCC_CHUNK], b[VOCC_CHUNK], dirs[3][VOCC_CHUNK],
+        *dir[3] = {dirs[0], dirs[1], dirs[2]};
+    uint8_t cell[VOCC_CHUNK];
+    uint16_t kept[VOCC_CHUNK];
     uint32_t next[VOCC_CELLS + 1], *start = s->start[number], n = 0, i;
+    const int are_all = !bits && !w->light->is_part[which];
     point_samples p;
     int c, k;
     point_begin(&p, w, which);
+    make_segments(&p, a, b, dir);
     memset(start, 0, sizeof s->start[number]);
-    for (i = 0; i < count; i++) {
-        float ab[2];
-        s->tmax = point_ray(&p, first + i, ab, dirs[n]);
-        if (!is_wanted(&p, first + i, dirs[n], bits))
-            continue;
-        c = cell_of(order, i, ab);
-        cell[n] = (uint16_t)c;
-        kept[n++] = (uint16_t)i;
-        start[c + 1]++;
+    find_cells(order, a, b, cell);
+    for (i = 0; i < order->count; i++) {
+        const float d[3] = {dirs[0][i], dirs[1][i], dirs[2][i]};
+        kept[n] = (uint16_t)i;
+        n += are_all || is_wanted(&p, order->first + order->place[i], d, bits);
     }
+    for (i = 0; i < n; i++)
+        start[cell[kept[i]] + 1]++;
     start[0] = at;
     for (c = 0; c < order->cells; c++)
         start[c + 1] += start[c];
     memcpy(next, start, sizeof next);
     for (i = 0; i < n; i++) {
-        const uint32_t to = next[cell[i]]++;
-        s->sample[to] = kept[i];
+        const uint32_t from = kept[i], to = next[cell[from]]++;
+        s->sample[to] = order->place[from];
         for (k = 0; k < 3; k++)
-            s->dir[k][to] = dirs[i][k];
+            s->dir[k][to] = dirs[k][from];
     }
     return at + n;
+}
+
+/* With coordinates and |dir| up to S, what is computed here in double from
+ * float32 numbers is off by less than 2^-47 S, and the frame's axes are
+ * orthonormal within 2^-50: far below the target's slack, 2^-20 S. */
+void vocc_segments_measure(vocc_segments *s, const float (*point)[3],
+                           const uint16_t *which, int count, int is_direction,
+                           double (*low)[3], double (*high)[3])
+{
+    int i, c, j, k;
+    s->low = (const double (*)[3])low;
+    s->high = (const double (*)[3])high;
+    for (c = 0; c < s->cells; c++)
+        for (j = 0; j < 3; j++) {
+            low[c][j] = DBL_MAX;
+            high[c][j] = -DBL_MAX;
+        }
+    for (i = 0; i < count; i++) {
+        double from[3] = {0.0, 0.0, 0.0};
+        for (j = 0; j < 3; j++)
+            for (k = 0; k < 3; k++)
+                from[j] += s->frame.axis[j][k] *
+                           ((is_direction ? 0.0 : (double)point[which[i]][k]) -
+                            s->frame.origin[k]);
+        for (c = 0; c < s->cells; c++) {
+            uint32_t at;
+            for (at = s->start[i][c]; at < s->start[i][c + 1]; at++) {
+                const double x = (double)s->dir[0][at],
+                             y = (double)s->dir[1][at],
+                             z = (double)s->dir[2][at];
+                for (j = 0; j < 3; j++) {
+                    const double *const a = s->frame.axis[j];
+                    const double to =
+                        from[j] + (a[0] * x + a[1] * y + a[2] * z);
+                    low[c][j] = to < low[c][j] ? to : low[c][j];
+                    high[c][j] = to > high[c][j] ? to : high[c][j];
+                }
+            }
+        }
+    }
 }
 
 /* The segments of a group from sample `first` on. */
@@ -287,21 +346,34 @@ void vocc_group_fill(const vocc_beaming *w, vocc_range r, uint32_t first,
                      uint32_t count)
 {
     vocc_beam_room *room = w->room;
+    vocc_segments *s = &room->store;
     const int is_rectangle = w->g->light->type == VOCC_LIGHT_RECT;
-    vocc_cell_order *order = is_rectangle ? &room->rectangle : &room->whole;
+    vocc_cell_order *order = &room->order;
     const uint16_t *which = w->light->which + r.first;
     uint32_t at = 0;
     int i;
     if (order->first != first || order->count != count)
-        make_order(&w->g->s->pattern, first, count, is_rectangle, order);
-    room->order = order;
-    room->store.cells = order->cells;
+        make_order(&w->g->s->pattern, first, count, order);
+    s->cells = order->cells;
+    s->tmax = w->light->target.is_direction ? INFINITY : 1.0f;
     for (i = 0; i < r.count; i++)
         at =
             order->is_fixed && !w->g->s->blocked && !w->light->is_part[which[i]]
-                ? store_fixed(w, i, which[i], count, at)
-                : store_sorted(w, i, which[i], first, count, at);
-    memset(room->store.blocked, 0, at);
+                ? store_fixed(w, i, which[i], at)
+                : store_sorted(w, i, which[i], at);
+    memset(s->blocked, 0, at);
+    if (is_rectangle) {
+        vocc_beam_hull_frame(&w->light->target, &s->frame);
+        s->low = (const double (*)[3])order->low;
+        s->high = (const double (*)[3])order->high;
+    } else {
+        const vocc_tile *t = w->g->t;
+        vocc_emitter_frame(w->g->light, t->point[which[r.count / 2]],
+                           &s->frame);
+        vocc_segments_measure(s, t->point, which, r.count,
+                              w->light->target.is_direction, room->low,
+                              room->high);
+    }
 }
 
 /* Adds the weights of a point's samples in the order of the pattern, as rays
@@ -318,7 +390,7 @@ static void weigh(const vocc_beaming *w, uint16_t which, uint32_t first,
     for (k = from; k < to; k++)
         is_open[s->sample[k]] = !s->blocked[k];
     point_begin(&p, w, which);
-    for (i = 0; i < w->room->order->count; i++) {
+    for (i = 0; i < w->room->order.count; i++) {
         float ab[2], dir[3];
         double weight;
         (void)point_ray(&p, first + i, ab, dir);
@@ -360,16 +432,16 @@ void vocc_group_read(const vocc_beaming *w, vocc_range r, uint32_t first)
     }
 }
 
-void vocc_cells_end(const vocc_cell_order *o, int cell, int cells,
-                    double low[2], double high[2])
+void vocc_cells_end(const vocc_segments *s, int cell, int cells, double low[3],
+                    double high[3])
 {
     int c, k;
-    for (k = 0; k < 2; k++) {
-        low[k] = o->low[cell][k];
-        high[k] = o->high[cell][k];
+    for (k = 0; k < 3; k++) {
+        low[k] = s->low[cell][k];
+        high[k] = s->high[cell][k];
         for (c = cell + 1; c < cell + cells; c++) {
-            low[k] = o->low[c][k] < low[k] ? o->low[c][k] : low[k];
-            high[k] = o->high[c][k] > high[k] ? o->high[c][k] : high[k];
+            low[k] = s->low[c][k] < low[k] ? s->low[c][k] : low[k];
+            high[k] = s->high[c][k] > high[k] ? s->high[c][k] : high[k];
         }
     }
 }

@@ -33,6 +33,11 @@ typedef struct vocc_target {
     int32_t region;            /* of all ends, or VOCC_END_UNKNOWN */
 } vocc_target;
 
+/* Coordinates about the ends: origin + sum of s[j] * axis[j]. */
+typedef struct vocc_end_frame {
+    double origin[3], axis[3][3];
+} vocc_end_frame;
+
 typedef struct vocc_shaft {
     size_t count;
     int corners;

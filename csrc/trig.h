@@ -43,18 +43,13 @@ VOCC_INLINE void vocc_sincos_pi(double x, double *sine, double *cosine)
 VOCC_INLINE void vocc_disk_point(float a, float b, double *x, double *y)
 {
     const double p = 2.0 * (double)a - 1.0, q = 2.0 * (double)b - 1.0;
+    const int is_wide = p * p > q * q;
+    const double most = is_wide ? p : q, least = is_wide ? q : p,
+                 divisor = most != 0.0 ? most : 1.0;
     double sine, cosine;
-    if (p * p > q * q) {
-        vocc_sincos(0.25 * VOCC_PI * (q / p), &sine, &cosine);
-        *x = p * cosine;
-        *y = p * sine;
-    } else if (q != 0.0) {
-        vocc_sincos(0.25 * VOCC_PI * (p / q), &sine, &cosine);
-        *x = q * sine;
-        *y = q * cosine;
-    } else {
-        *x = *y = 0.0;
-    }
+    vocc_sincos(0.25 * VOCC_PI * (least / divisor), &sine, &cosine);
+    *x = most * (is_wide ? cosine : sine);
+    *y = most * (is_wide ? sine : cosine);
 }
 
 #endif

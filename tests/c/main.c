@@ -23,12 +23,16 @@
 #define FAILURES_PRINTED 12
 
 static const test_case *const tables[] = {
-    test_tools_cases,          test_api_cases,         test_alloc_cases,
-    test_progress_cases,       test_report_cases,      test_region_cases,
-    test_tree_cases,           test_oracle_cases,      test_identical_cases,
-    test_light_cases,          test_light_types_cases, test_cracks_cases,
-    test_hostile_cases,        test_threads_cases,     test_classify_rays_cases,
-    test_worked_example_cases, test_isa_cases,         test_wide_cases,
+    test_tools_cases,          test_api_cases,
+    test_alloc_cases,          test_progress_cases,
+    test_report_cases,         test_region_cases,
+    test_tree_cases,           test_oracle_cases,
+    test_identical_cases,      test_light_cases,
+    test_light_types_cases,    test_cells_cases,
+    test_cracks_cases,         test_hostile_cases,
+    test_threads_cases,        test_classify_rays_cases,
+    test_worked_example_cases, test_isa_cases,
+    test_wide_cases,
 };
 
 static struct {

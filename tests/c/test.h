@@ -24,6 +24,7 @@ extern const test_case test_identical_cases[];
 extern const test_case test_isa_cases[];
 extern const test_case test_light_cases[];
 extern const test_case test_light_types_cases[];
+extern const test_case test_cells_cases[];
 extern const test_case test_oracle_cases[];
 extern const test_case test_region_cases[];
 extern const test_case test_tree_cases[];

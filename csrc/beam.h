@@ -65,6 +65,13 @@ typedef struct vocc_beam_boxes {
     float upper[3][VOCC_BEAM_BOXES + VOCC_WIDE];
 } vocc_beam_boxes;
 
+/* Rays that go on alone, in turns: so that what one of them is to look at next
+ * is on its way to the cache meanwhile.  80 KB, too much for a C stack. */
+typedef struct vocc_walks {
+    int depth[VOCC_WIDE];
+    uint32_t stack[VOCC_WIDE][VOCC_DOME + VOCC_BEAM_STACK];
+} vocc_walks;
+
 typedef struct vocc_beam {
     const vocc_tree *tree;
     const vocc_bvh *bvh;
@@ -97,6 +104,7 @@ typedef struct vocc_beam {
     float way[3], way_half[3]; /* bounds of all directions */
 
     uint32_t stack[VOCC_BEAM_STACK];
+    vocc_walks walks;
     /* Segments that may meet 16 clusters, and one of these. */
     int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE];
     uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];

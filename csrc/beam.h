@@ -106,9 +106,9 @@ typedef struct vocc_beam {
     uint32_t stack[VOCC_BEAM_STACK];
     vocc_walks walks;
     /* Segments that may meet 16 clusters, and one of these. */
-    int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE];
+    int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE + 1];
     uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];
-    uint16_t child_ray[VOCC_WIDE][VOCC_BEAM_RAYS];
+    uint16_t child_ray[VOCC_WIDE + 1][VOCC_BEAM_RAYS];
 
     /* What was done. */
     uint64_t nodes, clusters, ray_tests, exact_tests;

@@ -1,5 +1,6 @@
 #include "build.h"
 #include "memory.h"
+#include "mesh.h"
 #include "split.h"
 #include "vec3.h"
 
@@ -25,7 +26,15 @@ typedef struct pending {
     int depth;
     int bad;       /* splits in a row that the SAH found too dear */
     size_t budget; /* references that splits below may add */
+    size_t pairs;  /* nodes below that may be split */
 } pending;
+
+/* Of a tree's references, so that a leaf's first fits 32 bits. */
+#define MOST_ADDED(count) (12 * (count) + 64)
+typedef char vocc_references_fit_32_bits
+    [VOCC_MAX_TRIANGLES + MOST_ADDED(VOCC_MAX_TRIANGLES) < UINT32_MAX ? 1 : -1];
+typedef char vocc_a_leaf_may_hold_all_triangles
+    [VOCC_MAX_TRIANGLES < (uint32_t)1 << 28 ? 1 : -1];
 
 /* A subtree left to a job. */
 typedef struct task {
@@ -54,6 +63,7 @@ typedef struct builder {
     size_t task_size;
     task *tasks;
     size_t task_count, task_capacity;
+    size_t task_pairs; /* nodes that they may split */
     /* To report, and to be stopped. */
     vocc_jobs *jobs;
     int worker;
@@ -131,6 +141,7 @@ static int make_task(builder *b, uint32_t index, const pending *node)
     t->node = *node;
     t->place = index;
     b->task_count++;
+    b->task_pairs += node->pairs;
     return 1;
 }
 
@@ -210,14 +221,27 @@ static int worth_it(const settings *s, const pending *node,
            (split->cost <= 4.0 * leaf_cost || node->count >= 16);
 }
 
+/* The part of a budget for the first of two children. */
+static size_t share(size_t budget, const pending child[2])
+{
+    return (size_t)((double)budget * (double)child[0].count /
+                    (double)(child[0].count + child[1].count + 1));
+}
+
+/* Nodes split so far, or promised to tasks. */
+static size_t pairs_used(const builder *b)
+{
+    return b->node_count / 2 + b->task_pairs;
+}
+
 static int build_node(builder *b, uint32_t index, const pending *node)
 {
     vocc_split split;
     pending child[2];
     uint32_t pair;
-    size_t added, spare;
+    size_t added, spare, used;
     int bad;
-    if (node->count == 0)
+    if (node->count == 0 || node->pairs == 0)
         return make_leaf(b, index, node);
     if (b->task_size && node->count <= b->task_size)
         return make_task(b, index, node);
@@ -244,9 +268,10 @@ static int build_node(builder *b, uint32_t index, const pending *node)
                 ? child[0].count + child[1].count - node->count
                 : 0;
     spare = node->budget > added ? node->budget - added : 0;
-    child[0].budget = (size_t)((double)spare * (double)child[0].count /
-                               (double)(child[0].count + child[1].count + 1));
+    child[0].budget = share(spare, child);
     child[1].budget = spare - child[0].budget;
+    child[0].pairs = share(node->pairs - 1, child);
+    child[1].pairs = node->pairs - 1 - child[0].pairs;
     child[0].depth = child[1].depth = node->depth + 1;
     child[0].bad = child[1].bad = bad;
     child[0].box.upper[split.axis] = split.pos;
@@ -255,16 +280,18 @@ static int build_node(builder *b, uint32_t index, const pending *node)
     if (!grow(b, &b->nodes, &b->node_capacity, b->node_count, b->node_count + 2,
               sizeof *b->nodes))
         return 0;
-    if (b->node_count / 2 >= VOCC_MAX_PAIRS)
-        return fail(b, VOCC_ERROR_LIMIT);
     pair = (uint32_t)(b->node_count / 2);
     b->node_count += 2;
     memset(&b->nodes[2 * pair], 0, 2 * sizeof *b->nodes);
     b->nodes[index].at.split_pos = split.pos;
     b->nodes[index].bits = (uint32_t)split.axis | pair << VOCC_PAIR_SHIFT;
-    /* The child above lies on top of the stack. */
-    return build_node(b, 2 * pair + 1, &child[1]) &&
-           build_node(b, 2 * pair, &child[0]);
+    /* The child above lies on top of the stack; it leaves to the other what it
+     * does not need. */
+    used = pairs_used(b);
+    if (!build_node(b, 2 * pair + 1, &child[1]))
+        return 0;
+    child[0].pairs += child[1].pairs - (pairs_used(b) - used);
+    return build_node(b, 2 * pair, &child[0]);
 }
 
 static void builder_free(builder *b)
@@ -337,8 +364,6 @@ static vocc_status join(const builder *top, vocc_tree *tree)
         nodes += top->tasks[i].node_count - 2;
         leaves += top->tasks[i].leaf_count;
     }
-    if (nodes / 2 > VOCC_MAX_PAIRS || leaves > (size_t)UINT32_MAX)
-        return VOCC_ERROR_LIMIT;
     tree->nodes = vocc_allocate(allocator, nodes, sizeof *tree->nodes);
     tree->references =
         vocc_allocate(allocator, leaves, sizeof *tree->references);
@@ -456,7 +481,8 @@ static int default_depth(size_t count)
 }
 
 static vocc_status build(builder *top, const float *corners, size_t count,
-                         int threads, settings *s, vocc_tree *tree)
+                         size_t most_pairs, int threads, settings *s,
+                         vocc_tree *tree)
 {
     pending root;
     vocc_status status;
@@ -470,7 +496,8 @@ static vocc_status build(builder *top, const float *corners, size_t count,
     tree->scale = s->scale;
     root.count = count;
     root.box = box;
-    root.budget = 12 * count + 64;
+    root.budget = MOST_ADDED(count);
+    root.pairs = most_pairs - 1;
     top->total = count;
     top->task_size = count / 32 > 2048 ? count / 32 : 2048;
     vocc_ticker_stage(top->ticker, top->ticker->last, top->ticker->last);
@@ -490,7 +517,7 @@ static vocc_status build(builder *top, const float *corners, size_t count,
 
 vocc_status vocc_build(const vocc_allocator *allocator, const float *corners,
                        size_t count, const vocc_build_options *options,
-                       vocc_ticker *ticker, vocc_tree *tree)
+                       size_t most_pairs, vocc_ticker *ticker, vocc_tree *tree)
 {
     settings s;
     builder top;
@@ -508,7 +535,8 @@ vocc_status vocc_build(const vocc_allocator *allocator, const float *corners,
     top.allocator = allocator;
     top.settings = &s;
     top.ticker = ticker;
-    status = build(&top, corners, count, options->threads, &s, tree);
+    status =
+        build(&top, corners, count, most_pairs, options->threads, &s, tree);
     builder_free(&top);
     if (status != VOCC_OK)
         vocc_tree_free(allocator, tree);

@@ -31,6 +31,7 @@ vocc_status vocc_scene_create(const vocc_allocator *allocator,
         return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
     memset(*scene, 0, sizeof **scene);
     (*scene)->allocator = a;
+    (*scene)->most_pairs = VOCC_MAX_PAIRS;
     return VOCC_OK;
 }
 
@@ -443,8 +444,8 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     corners = all_corners(scene, built);
     if (!corners)
         return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
-    status = vocc_build(a, corners, scene->triangle_count, options, ticker,
-                        &built->tree);
+    status = vocc_build(a, corners, scene->triangle_count, options,
+                        scene->most_pairs, ticker, &built->tree);
     vocc_release(a, corners);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);

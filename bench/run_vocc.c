@@ -34,7 +34,7 @@ static const char *const orders[ORDERS] = {"auto", "standard", "extended",
 static void check(vocc_status status, const vocc_error *error)
 {
     if (status != VOCC_OK)
-        wl_die("vocc: %s: %s", vocc_status_string(status), error->message);
+        wl_die("vocc: %s", error->message);
 }
 
 static vocc_array rows(const void *data, size_t stride, vocc_type type)

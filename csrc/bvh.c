@@ -6,6 +6,15 @@
 #include <math.h>
 #include <string.h>
 
+#define VOCC_LANES 4
+#if VOCC_HAVE_SSE2
+#include "simd_sse2.h"
+#elif VOCC_HAVE_NEON
+#include "simd_neon.h"
+#else
+#include "simd_plain.h"
+#endif
+
 /* Binned surface area heuristic (Wald, "On fast Construction of SAH-based
  * Bounding Volume Hierarchies", 2007), in units of whole clusters. */
 enum { BINS = 16, MAX_DEPTH = 48, JOB_ITEMS = 16384 };
@@ -16,6 +25,7 @@ typedef struct box {
 
 typedef struct item {
     box bounds;
+    float zero; /* so that the upper bounds are a vector */
     uint32_t triangle;
 } item;
 
@@ -38,9 +48,10 @@ typedef struct builder {
     const vocc_solids *solids;
     item *items;
     pair *pairs;
-    uint32_t *top; /* pairs with more than JOB_ITEMS */
-    subtree *jobs; /* below them */
-    size_t top_count, job_count;
+    /* Pairs with more than JOB_ITEMS, those of each wave after their parents,
+     * then the subtrees below them. */
+    subtree *open, *jobs;
+    size_t open_first, open_count, job_count;
     vocc_bvh *bvh;
 } builder;
 
@@ -91,7 +102,7 @@ static float middle(const item *i, int axis)
  */
 
 typedef struct bin {
-    box bounds;
+    float lower[4], upper[4]; /* x, y, z, any; any, x, y, z */
     size_t count;
 } bin;
 
@@ -100,44 +111,99 @@ static double clusters_of(size_t count)
     return (double)((count + VOCC_WIDE - 1) / VOCC_WIDE);
 }
 
-/* The best of BINS - 1 planes: its cost, and how many items are below it. */
-static double best_plane(const item *items, size_t count, int axis, float low,
-                         float high, size_t *below)
+static void bin_none(bin *b)
 {
-    bin bins[BINS];
-    box upper[BINS], sum;
-    size_t i, n;
-    double best = (double)INFINITY;
-    const float scale = (float)BINS * (1.0f - 0x1p-20f) / (high - low);
-    int b;
-    for (b = 0; b < BINS; b++) {
-        box_none(&bins[b].bounds);
-        bins[b].count = 0;
+    vstore(b->lower, vset(FLT_MAX));
+    vstore(b->upper, vset(-FLT_MAX));
+    b->count = 0;
+}
+
+VOCC_INLINE void bin_add(bin *b, vfloat lower, vfloat upper, size_t count)
+{
+    vstore(b->lower, vmin(vload(b->lower), lower));
+    vstore(b->upper, vmax(vload(b->upper), upper));
+    b->count += count;
+}
+
+static double bin_area(const bin *b)
+{
+    const double x = (double)b->upper[1] - (double)b->lower[0],
+                 y = (double)b->upper[2] - (double)b->lower[1],
+                 z = (double)b->upper[3] - (double)b->lower[2];
+    return x * y + y * z + z * x;
+}
+
+/* x, y and z of the lower bounds, x, y and z of the upper ones. */
+VOCC_INLINE vfloat lower_of(const item *i)
+{
+    return vload(i->bounds.lower);
+}
+
+VOCC_INLINE vfloat upper_of(const item *i)
+{
+    return vload(i->bounds.lower + 2);
+}
+
+/* middle() of x, y and z. */
+VOCC_INLINE vfloat middles(const item *i)
+{
+    const vfloat half = vset(0.5f);
+    return vadd(vmul(half, vload(i->bounds.lower)),
+                vmul(half, vload(i->bounds.upper)));
+}
+
+/* The bin of each item along each axis. */
+static void fill_bins(const item *items, size_t count, const box *centres,
+                      bin bins[3][BINS])
+{
+    const vfloat zero = vset(0.0f), end = vset((float)(BINS - 1));
+    float low[4] = {0}, scale[4] = {0};
+    size_t i;
+    int axis, b;
+    for (axis = 0; axis < 3; axis++) {
+        const float size = centres->upper[axis] - centres->lower[axis];
+        low[axis] = centres->lower[axis];
+        if (size > FLT_MIN)
+            scale[axis] = (float)BINS * (1.0f - 0x1p-20f) / size;
+        for (b = 0; b < BINS; b++)
+            bin_none(&bins[axis][b]);
     }
     for (i = 0; i < count; i++) {
-        const float at = (middle(&items[i], axis) - low) * scale;
-        b = at > 0.0f ? at < (float)BINS ? (int)at : BINS - 1 : 0;
-        bins[b].count++;
-        box_add(&bins[b].bounds, &items[i].bounds);
+        const vfloat lower = lower_of(&items[i]), upper = upper_of(&items[i]);
+        uint32_t at[4];
+        vstore_whole(at, vmin(vmax(vmul(vsub(middles(&items[i]), vload(low)),
+                                        vload(scale)),
+                                   zero),
+                              end));
+        for (axis = 0; axis < 3; axis++)
+            bin_add(&bins[axis][at[axis]], lower, upper, 1);
     }
-    box_none(&sum);
+}
+
+/* The best of BINS - 1 planes: its cost, and how many items are below it. */
+static double best_plane(const bin bins[BINS], size_t count, size_t *below)
+{
+    double upper[BINS], best = (double)INFINITY;
+    bin sum;
+    int b;
+    bin_none(&sum);
     for (b = BINS - 1; b > 0; b--) {
-        box_add(&sum, &bins[b].bounds);
-        upper[b] = sum;
+        bin_add(&sum, vload(bins[b].lower), vload(bins[b].upper),
+                bins[b].count);
+        upper[b] = bin_area(&sum);
     }
-    box_none(&sum);
-    n = 0;
+    bin_none(&sum);
     for (b = 0; b + 1 < BINS; b++) {
         double cost;
-        box_add(&sum, &bins[b].bounds);
-        n += bins[b].count;
-        if (n == 0 || n == count)
+        bin_add(&sum, vload(bins[b].lower), vload(bins[b].upper),
+                bins[b].count);
+        if (sum.count == 0 || sum.count == count)
             continue;
-        cost = box_area(&sum) * clusters_of(n) +
-               box_area(&upper[b + 1]) * clusters_of(count - n);
+        cost = bin_area(&sum) * clusters_of(sum.count) +
+               upper[b + 1] * clusters_of(count - sum.count);
         if (cost < best) {
             best = cost;
-            *below = n;
+            *below = sum.count;
         }
     }
     return best;
@@ -196,33 +262,38 @@ static size_t split(item *items, size_t count, int depth)
     box centres;
     size_t i, below = count / 2, units;
     double best = (double)INFINITY;
-    int axis = 0, k, widest = 0;
-    box_none(&centres);
+    int axis = 0, k;
+    vfloat low = vset(FLT_MAX), high = vset(-FLT_MAX);
+    float ends[2][4];
     for (i = 0; i < count; i++) {
-        float c[3];
-        for (k = 0; k < 3; k++)
-            c[k] = middle(&items[i], k);
-        box_add_point(&centres, c);
+        const vfloat c = middles(&items[i]);
+        low = vmin(low, c);
+        high = vmax(high, c);
     }
+    vstore(ends[0], low);
+    vstore(ends[1], high);
+    memcpy(centres.lower, ends[0], sizeof centres.lower);
+    memcpy(centres.upper, ends[1], sizeof centres.upper);
     for (k = 1; k < 3; k++)
         if (centres.upper[k] - centres.lower[k] >
-            centres.upper[widest] - centres.lower[widest])
-            widest = k;
-    axis = widest;
-    if (depth < MAX_DEPTH)
+            centres.upper[axis] - centres.lower[axis])
+            axis = k;
+    if (depth < MAX_DEPTH) {
+        bin bins[3][BINS];
+        fill_bins(items, count, &centres, bins);
         for (k = 0; k < 3; k++) {
             size_t n = 0;
             double cost;
             if (!(centres.upper[k] - centres.lower[k] > FLT_MIN))
                 continue;
-            cost = best_plane(items, count, k, centres.lower[k],
-                              centres.upper[k], &n);
+            cost = best_plane(bins[k], count, &n);
             if (cost < best) {
                 best = cost;
                 below = n;
                 axis = k;
             }
         }
+    }
     /* Whole clusters on one side. */
     units = (below + VOCC_WIDE / 2) / VOCC_WIDE;
     if (units < 1)
@@ -397,24 +468,6 @@ static void build_pair(const builder *b, subtree t)
     add_children(b, &b->pairs[t.number]);
 }
 
-/* The pairs above the subtrees that are built side by side. */
-static vocc_status build_top(builder *b, subtree t, vocc_ticker *ticker)
-{
-    size_t below;
-    vocc_status status;
-    if (t.count <= JOB_ITEMS) {
-        b->jobs[b->job_count++] = t;
-        return VOCC_OK;
-    }
-    if (vocc_tick(ticker, 0.0))
-        return VOCC_ERROR_CANCELLED;
-    b->top[b->top_count++] = t.number;
-    below = divide(b, t);
-    status = build_top(b, first_child(t, below), ticker);
-    return status == VOCC_OK ? build_top(b, second_child(t, below), ticker)
-                             : status;
-}
-
 static vocc_status build_job(void *context, size_t job, int worker,
                              vocc_jobs *jobs)
 {
@@ -425,23 +478,56 @@ static vocc_status build_job(void *context, size_t job, int worker,
     return VOCC_OK;
 }
 
+static vocc_status divide_job(void *context, size_t job, int worker,
+                              vocc_jobs *jobs)
+{
+    const builder *b = context;
+    (void)worker;
+    (void)jobs;
+    (void)divide(b, b->open[b->open_first + job]);
+    return VOCC_OK;
+}
+
+/* To be divided in the next wave, or left to one job. */
+static void leave(builder *b, subtree t)
+{
+    if (t.count > JOB_ITEMS)
+        b->open[b->open_count++] = t;
+    else
+        b->jobs[b->job_count++] = t;
+}
+
+/* The top in waves, whose pairs are divided side by side. */
 static vocc_status build_pairs(builder *b, size_t count,
                                const vocc_allocator *allocator, int threads,
                                vocc_ticker *ticker)
 {
     subtree all;
-    vocc_status status;
+    vocc_status status = VOCC_OK;
     all.first = 0;
     all.count = count;
     all.number = 0;
     all.depth = 0;
-    status = build_top(b, all, ticker);
+    leave(b, all);
+    while (status == VOCC_OK && b->open_first < b->open_count) {
+        const size_t end = b->open_count;
+        status = vocc_jobs_run(allocator, threads, end - b->open_first,
+                               divide_job, b, ticker);
+        for (; status == VOCC_OK && b->open_first < end; b->open_first++) {
+            const subtree t = b->open[b->open_first];
+            const size_t below =
+                VOCC_WIDE * (size_t)(b->pairs[t.number].child[1] - t.number) /
+                2;
+            leave(b, first_child(t, below));
+            leave(b, second_child(t, below));
+        }
+    }
     if (status == VOCC_OK)
         status = vocc_jobs_run(allocator, threads, b->job_count, build_job, b,
                                ticker);
     /* Parents stand before their children. */
-    while (status == VOCC_OK && b->top_count)
-        add_children(b, &b->pairs[b->top[--b->top_count]]);
+    while (status == VOCC_OK && b->open_count)
+        add_children(b, &b->pairs[b->open[--b->open_count].number]);
     return status;
 }
 
@@ -520,6 +606,7 @@ static size_t load_items(const vocc_tree *tree, item *items)
             vocc_equal(c + 6, c))
             continue;
         items[count].triangle = (uint32_t)i;
+        items[count].zero = 0.0f;
         box_none(&items[count].bounds);
         box_add_point(&items[count].bounds, c);
         box_add_point(&items[count].bounds, c + 3);
@@ -550,12 +637,12 @@ static vocc_status build_tree(builder *b, size_t count,
     vocc_bvh *bvh = b->bvh;
     vocc_status status;
     b->pairs = vocc_allocate(allocator, 2 * clusters, sizeof *b->pairs);
-    b->top = vocc_allocate(allocator, clusters, sizeof *b->top);
+    b->open = vocc_allocate(allocator, clusters, sizeof *b->open);
     b->jobs = vocc_allocate(allocator, clusters, sizeof *b->jobs);
     bvh->clusters =
         vocc_allocate_lines(allocator, clusters, sizeof *bvh->clusters);
     bvh->nodes = vocc_allocate_lines(allocator, clusters, sizeof *bvh->nodes);
-    if (!b->pairs || !b->top || !b->jobs || !bvh->clusters || !bvh->nodes)
+    if (!b->pairs || !b->open || !b->jobs || !bvh->clusters || !bvh->nodes)
         return VOCC_ERROR_OUT_OF_MEMORY;
     bvh->cluster_count = clusters;
     status = build_pairs(b, count, allocator, threads, ticker);
@@ -584,7 +671,7 @@ vocc_status vocc_bvh_build(const vocc_allocator *allocator,
             count ? build_tree(&b, count, allocator, threads, ticker) : VOCC_OK;
     }
     vocc_release(allocator, b.jobs);
-    vocc_release(allocator, b.top);
+    vocc_release(allocator, b.open);
     vocc_release(allocator, b.pairs);
     vocc_release(allocator, b.items);
     if (status == VOCC_OK)

@@ -12,7 +12,6 @@
 typedef struct empty {
     float lower[3], upper[3];
     uint32_t node;
-    uint32_t parent; /* union-find */
 } empty;
 
 typedef struct group {
@@ -24,7 +23,9 @@ typedef struct group {
 typedef struct flood {
     vocc_tree *tree;
     empty *empties;
+    uint32_t *parents; /* union-find */
     size_t count;
+    int joining; /* not if there are no solids: all is CLEAR */
     vocc_ticker *ticker;
     vocc_jobs *jobs; /* in a job: what to ask whether to stop; else NULL */
     int worker;
@@ -32,12 +33,14 @@ typedef struct flood {
     int cancelled;
 } flood;
 
-/* Subtrees that are flooded as jobs: all at this depth. */
+/* Subtrees that are flooded as jobs: all at this depth, and leaves above. */
 enum { SUBTREE_DEPTH = 6, MOST_SUBTREES = 1 << SUBTREE_DEPTH };
 
 typedef struct subtree {
     uint32_t node;
     float lower[3], upper[3];
+    size_t empties, boundaries; /* leaves */
+    size_t first;               /* number of its first empty leaf */
 } subtree;
 
 typedef struct subtrees {
@@ -48,51 +51,52 @@ typedef struct subtrees {
 
 #define NO_GROUP UINT32_MAX
 
-static int count_empty(void *context, uint32_t index, const float lower[3],
-                       const float upper[3])
+static void count_leaves(const vocc_tree *tree, uint32_t index, subtree *t)
 {
-    flood *f = context;
-    (void)lower;
-    (void)upper;
-    f->count += vocc_label_of(f->tree->nodes[index]) != VOCC_BOUNDARY;
-    return 0;
+    const vocc_node n = tree->nodes[index];
+    if (!vocc_is_leaf(n)) {
+        count_leaves(tree, vocc_children(n), t);
+        count_leaves(tree, vocc_children(n) + 1, t);
+    } else if (vocc_label_of(n) == VOCC_BOUNDARY) {
+        t->boundaries++;
+    } else {
+        t->empties++;
+    }
 }
 
 /* While the flood runs, an empty leaf's `first` is its number. */
-static int store_empty(void *context, uint32_t index, const float lower[3],
-                       const float upper[3])
+static void store_empty(flood *f, uint32_t index, const float lower[3],
+                        const float upper[3])
 {
-    flood *f = context;
     vocc_node *n = &f->tree->nodes[index];
     empty *e;
     if (vocc_label_of(*n) == VOCC_BOUNDARY)
-        return 0;
+        return;
     e = &f->empties[f->count];
     memcpy(e->lower, lower, sizeof e->lower);
     memcpy(e->upper, upper, sizeof e->upper);
     e->node = index;
-    e->parent = (uint32_t)f->count;
+    f->parents[f->count] = (uint32_t)f->count;
     n->at.first = (uint32_t)f->count++;
-    return 0;
 }
 
-static uint32_t find(empty *empties, uint32_t i)
+static uint32_t find(uint32_t *parents, uint32_t i)
 {
-    while (empties[i].parent != i) {
-        empties[i].parent = empties[empties[i].parent].parent;
-        i = empties[i].parent;
+    while (parents[i] != i) {
+        parents[i] = parents[parents[i]];
+        i = parents[i];
     }
     return i;
 }
 
-static void unite(empty *empties, uint32_t a, uint32_t b)
+static void unite(uint32_t *parents, uint32_t a, uint32_t b)
 {
-    a = find(empties, a);
-    b = find(empties, b);
+    a = find(parents, a);
+    b = find(parents, b);
     if (a < b)
-        empties[b].parent = a;
+        parents[b] = a;
     else
-        empties[a].parent = b;
+        parents[a] = b;
 }
 
 static int poll(flood *f)
@@ -120,7 +124,7 @@ static void join_faces(flood *f, uint32_t below, uint32_t above, unsigned axis,
             (above_leaf && vocc_label_of(a) == VOCC_BOUNDARY) || poll(f))
             return;
         if (below_leaf && above_leaf) {
-            unite(f->empties, b.at.first, a.at.first);
+            unite(f->parents, b.at.first, a.at.first);
             return;
         }
         n = below_leaf ? a : b;
@@ -158,40 +162,45 @@ static void join_faces(flood *f, uint32_t below, uint32_t above, unsigned axis,
     }
 }
 
-/* Joins all leaves of a subtree: faces across its own planes last. */
-static void join_node(flood *f, uint32_t index, float lower[3], float upper[3])
+/* Stores and joins all leaves of a subtree: faces across its own planes
+ * last. */
+static void flood_node(flood *f, uint32_t index, float lower[3], float upper[3])
 {
     const vocc_node n = f->tree->nodes[index];
     const unsigned axis = vocc_axis(n);
     const uint32_t below = vocc_children(n);
     float saved;
-    if (vocc_is_leaf(n) || f->cancelled)
+    if (vocc_is_leaf(n)) {
+        store_empty(f, index, lower, upper);
+        return;
+    }
+    if (f->cancelled)
         return;
     saved = upper[axis];
     upper[axis] = n.at.split_pos;
-    join_node(f, below, lower, upper);
+    flood_node(f, below, lower, upper);
     upper[axis] = saved;
     saved = lower[axis];
     lower[axis] = n.at.split_pos;
-    join_node(f, below + 1, lower, upper);
+    flood_node(f, below + 1, lower, upper);
     lower[axis] = saved;
-    join_faces(f, below, below + 1, axis, lower, upper);
+    if (f->joining)
+        join_faces(f, below, below + 1, axis, lower, upper);
 }
 
 /* The nodes above SUBTREE_DEPTH: `listing` lists the subtrees below them, else
- * they are joined as in join_node. */
-static void join_top(subtrees *s, uint32_t index, int depth, float lower[3],
-                     float upper[3], int listing)
+ * they are joined as in flood_node. */
+static void visit_top(subtrees *s, uint32_t index, int depth, float lower[3],
+                      float upper[3], int listing)
 {
     const vocc_node n = s->flood->tree->nodes[index];
     const unsigned axis = vocc_axis(n);
     const uint32_t below = vocc_children(n);
     float saved;
-    if (vocc_is_leaf(n) || s->flood->cancelled)
-        return;
-    if (depth == SUBTREE_DEPTH) {
+    if (vocc_is_leaf(n) || depth == SUBTREE_DEPTH) {
         if (listing) {
             subtree *t = &s->list[s->count++];
+            memset(t, 0, sizeof *t);
             t->node = index;
             memcpy(t->lower, lower, sizeof t->lower);
             memcpy(t->upper, upper, sizeof t->upper);
@@ -200,44 +209,69 @@ static void join_top(subtrees *s, uint32_t index, int depth, float lower[3],
     }
     saved = upper[axis];
     upper[axis] = n.at.split_pos;
-    join_top(s, below, depth + 1, lower, upper, listing);
+    visit_top(s, below, depth + 1, lower, upper, listing);
     upper[axis] = saved;
     saved = lower[axis];
     lower[axis] = n.at.split_pos;
-    join_top(s, below + 1, depth + 1, lower, upper, listing);
+    visit_top(s, below + 1, depth + 1, lower, upper, listing);
     lower[axis] = saved;
-    if (!listing)
+    if (!listing && !s->flood->cancelled)
         join_faces(s->flood, below, below + 1, axis, lower, upper);
 }
 
+static vocc_status count_subtree(void *context, size_t job, int worker,
+                                 vocc_jobs *jobs)
+{
+    subtrees *s = context;
+    (void)worker;
+    (void)jobs;
+    count_leaves(s->flood->tree, s->list[job].node, &s->list[job]);
+    return VOCC_OK;
+}
+
 /* Leaves of different subtrees are not touched: no two jobs share any. */
-static vocc_status join_subtree(void *context, size_t job, int worker,
-                                vocc_jobs *jobs)
+static vocc_status flood_subtree(void *context, size_t job, int worker,
+                                 vocc_jobs *jobs)
 {
     subtrees *s = context;
     subtree *t = &s->list[job];
     flood f = *s->flood;
     f.jobs = jobs;
     f.worker = worker;
-    join_node(&f, t->node, t->lower, t->upper);
+    f.count = t->first;
+    flood_node(&f, t->node, t->lower, t->upper);
     return f.cancelled ? VOCC_ERROR_CANCELLED : VOCC_OK;
 }
 
-static vocc_status join_leaves(const vocc_allocator *allocator, flood *f,
-                               int threads)
+static vocc_status flood_leaves(const vocc_allocator *allocator, flood *f,
+                                int threads, size_t *boundaries)
 {
     subtrees s;
     float lower[3], upper[3];
     vocc_status status;
+    size_t i;
     s.flood = f;
     s.count = 0;
     memcpy(lower, f->tree->lower, sizeof lower);
     memcpy(upper, f->tree->upper, sizeof upper);
-    join_top(&s, 0, 0, lower, upper, 1);
-    status =
-        vocc_jobs_run(allocator, threads, s.count, join_subtree, &s, f->ticker);
-    if (status == VOCC_OK) {
-        join_top(&s, 0, 0, lower, upper, 0);
+    visit_top(&s, 0, 0, lower, upper, 1);
+    status = vocc_jobs_run(allocator, threads, s.count, count_subtree, &s,
+                           f->ticker);
+    if (status != VOCC_OK)
+        return status;
+    for (i = 0; i < s.count; i++) {
+        s.list[i].first = f->count;
+        f->count += s.list[i].empties;
+        *boundaries += s.list[i].boundaries;
+    }
+    f->empties = vocc_allocate(allocator, f->count, sizeof *f->empties);
+    f->parents = vocc_allocate(allocator, f->count, sizeof *f->parents);
+    if (!f->empties || !f->parents)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    status = vocc_jobs_run(allocator, threads, s.count, flood_subtree, &s,
+                           f->ticker);
+    if (status == VOCC_OK && f->joining) {
+        visit_top(&s, 0, 0, lower, upper, 0);
         status = f->cancelled ? VOCC_ERROR_CANCELLED : VOCC_OK;
     }
     return status;
@@ -269,7 +303,7 @@ static group *make_groups(const vocc_allocator *allocator, flood *f,
         return NULL;
     *count = 0;
     for (i = 0; i < f->count; i++) {
-        const uint32_t root = find(f->empties, (uint32_t)i);
+        const uint32_t root = find(f->parents, (uint32_t)i);
         number[i] = root == (uint32_t)i ? (uint32_t)(*count)++ : number[root];
     }
     groups = vocc_allocate(allocator, *count, sizeof *groups);
@@ -280,7 +314,7 @@ static group *make_groups(const vocc_allocator *allocator, flood *f,
         for (i = 0; i < f->count; i++) {
             group *g = &groups[number[i]];
             const double volume = volume_of(&f->empties[i]);
-            f->empties[i].parent = number[i];
+            f->parents[i] = number[i];
             if (g->largest == NO_GROUP || volume > g->volume) {
                 g->second = g->largest;
                 g->second_volume = g->volume;
@@ -365,14 +399,14 @@ static vocc_status label_leaves(const vocc_allocator *allocator, flood *f,
     vocc_tree *tree = f->tree;
     size_t i, opaque = 0;
     for (i = 0; i < f->count; i++)
-        opaque += groups && groups[f->empties[i].parent].region > 0;
+        opaque += groups && groups[f->parents[i]].region > 0;
     tree->opaque = vocc_allocate(allocator, opaque, sizeof *tree->opaque);
     if (!tree->opaque)
         return VOCC_ERROR_OUT_OF_MEMORY;
     for (i = 0; i < f->count; i++) {
         const empty *e = &f->empties[i];
         vocc_node *n = &tree->nodes[e->node];
-        const int32_t region = groups ? groups[e->parent].region : 0;
+        const int32_t region = groups ? groups[f->parents[i]].region : 0;
         n->at.first = 0;
         if (region < 0) {
             set_label(n, VOCC_UNKNOWN);
@@ -420,19 +454,16 @@ static vocc_status classify(const vocc_allocator *allocator, flood *f,
 {
     group *groups = NULL;
     size_t group_count = 0;
-    vocc_status status = VOCC_OK;
-    (void)vocc_tree_leaves(f->tree, count_empty, f);
-    f->empties = vocc_allocate(allocator, f->count, sizeof *f->empties);
-    if (!f->empties)
-        return VOCC_ERROR_OUT_OF_MEMORY;
-    f->count = 0;
-    (void)vocc_tree_leaves(f->tree, store_empty, f);
+    size_t boundaries = 0;
+    vocc_status status;
+    const double from = f->ticker->last, to = f->ticker->to;
+    f->joining = solid_count != 0;
+    vocc_ticker_stage(f->ticker, from, 0.5 * (from + to));
+    status = flood_leaves(allocator, f, threads, &boundaries);
+    out->boundary_leaves = boundaries;
+    if (status != VOCC_OK)
+        return status;
     if (solid_count) {
-        const double from = f->ticker->last, to = f->ticker->to;
-        vocc_ticker_stage(f->ticker, from, 0.5 * (from + to));
-        status = join_leaves(allocator, f, threads);
-        if (status != VOCC_OK)
-            return status;
         vocc_ticker_stage(f->ticker, from, to);
         groups = make_groups(allocator, f, &group_count);
         if (!groups)
@@ -449,16 +480,6 @@ static vocc_status classify(const vocc_allocator *allocator, flood *f,
     return status;
 }
 
-static int count_boundary(void *context, uint32_t index, const float lower[3],
-                          const float upper[3])
-{
-    flood *f = context;
-    (void)lower;
-    (void)upper;
-    f->work += vocc_label_of(f->tree->nodes[index]) == VOCC_BOUNDARY;
-    return 0;
-}
-
 vocc_status vocc_classify(const vocc_allocator *allocator, vocc_tree *tree,
                           const vocc_solids *solids, size_t solid_count,
                           int threads, vocc_regions *regions,
@@ -473,9 +494,6 @@ vocc_status vocc_classify(const vocc_allocator *allocator, vocc_tree *tree,
     status =
         classify(allocator, &f, solids, solid_count, threads, regions, out);
     vocc_release(allocator, f.empties);
-    f.work = 0;
-    if (status == VOCC_OK)
-        (void)vocc_tree_leaves(tree, count_boundary, &f);
-    out->boundary_leaves = f.work;
+    vocc_release(allocator, f.parents);
     return status;
 }

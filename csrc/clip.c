@@ -1,6 +1,5 @@
 #include "clip.h"
 
-#include <math.h>
 #include <string.h>
 
 /* Proof that nothing is lost.  All is in double; M is the largest coordinate.
@@ -91,41 +90,109 @@ static polygon *clip_to_box(polygon *a, polygon *b, const vocc_bounds *box,
     return a;
 }
 
+/* The next float, if `steps` is 1, or x, if it is 0; nextafterf is no match for
+ * it.  Away from zero the bits of a float count up. */
+static float step(float x, int toward_infinity, int steps)
+{
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    if ((bits >> 31 != 0) == toward_infinity)
+        steps = -steps;
+    bits += (uint32_t)steps;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
 static float round_down(double x)
 {
     const float f = (float)x;
-    return (double)f > x ? nextafterf(f, -INFINITY) : f;
+    return step(f, 0, (double)f > x);
 }
 
 static float round_up(double x)
 {
     const float f = (float)x;
-    return (double)f < x ? nextafterf(f, INFINITY) : f;
+    return step(f, 1, (double)f < x);
 }
 
-static void bound(const polygon *p, const vocc_bounds *inside, double margin,
-                  vocc_bounds *out)
+typedef struct extent {
+    double lower[3], upper[3];
+} extent;
+
+static void none(extent *e)
 {
-    int i, k;
+    int k;
     for (k = 0; k < 3; k++) {
-        double low = p->p[0][k], high = low;
-        for (i = 1; i < p->n; i++) {
-            const double x = p->p[i][k];
-            low = x < low ? x : low;
-            high = x > high ? x : high;
-        }
-        out->lower[k] = round_down(low - 2.0 * margin);
-        out->upper[k] = round_up(high + 2.0 * margin);
-        if (out->lower[k] < inside->lower[k])
-            out->lower[k] = inside->lower[k];
-        if (out->upper[k] > inside->upper[k])
-            out->upper[k] = inside->upper[k];
-        /* The margin may have kept a polygon just outside. */
-        if (out->lower[k] > inside->upper[k])
-            out->lower[k] = inside->upper[k];
-        if (out->upper[k] < inside->lower[k])
-            out->upper[k] = inside->lower[k];
+        e->lower[k] = DBL_MAX;
+        e->upper[k] = -DBL_MAX;
     }
+}
+
+static void add(extent *e, const double p[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        e->lower[k] = p[k] < e->lower[k] ? p[k] : e->lower[k];
+        e->upper[k] = p[k] > e->upper[k] ? p[k] : e->upper[k];
+    }
+}
+
+/* Where an edge from below the plane to above crosses it. */
+static void add_crossing(extent *e, const double *from, const double *to,
+                         int axis, double plane)
+{
+    const double s = (plane - from[axis]) / (to[axis] - from[axis]);
+    double p[3];
+    int k;
+    for (k = 0; k < 3; k++)
+        p[k] = from[k] + s * (to[k] - from[k]);
+    p[axis] = plane;
+    add(e, p);
+}
+
+/* Bounds of the parts up to `high` and from `low` on: two cuts at once, of
+ * which only the bounds are needed. */
+static void divide(const polygon *all, int axis, double low, double high,
+                   extent *below, extent *above)
+{
+    int i;
+    none(below);
+    none(above);
+    for (i = 0; i < all->n; i++) {
+        const double *a = all->p[i], *b = all->p[i + 1 == all->n ? 0 : i + 1];
+        if (a[axis] <= high)
+            add(below, a);
+        if (a[axis] >= low)
+            add(above, a);
+        if (a[axis] > b[axis]) {
+            const double *t = a;
+            a = b;
+            b = t;
+        }
+        if (a[axis] < high && b[axis] > high)
+            add_crossing(below, a, b, axis, high);
+        if (a[axis] < low && b[axis] > low)
+            add_crossing(above, a, b, axis, low);
+    }
+}
+
+/* Rounds outward; 0 if there is nothing. */
+static int finish(const extent *e, const vocc_bounds *inside, int axis,
+                  float lower, float upper, double margin, vocc_bounds *out)
+{
+    int k;
+    if (e->lower[0] > e->upper[0])
+        return 0;
+    for (k = 0; k < 3; k++) {
+        const float least = k == axis ? lower : inside->lower[k],
+                    most = k == axis ? upper : inside->upper[k],
+                    low = round_down(e->lower[k] - 2.0 * margin),
+                    high = round_up(e->upper[k] + 2.0 * margin);
+        /* The margin may have kept a polygon just outside. */
+        out->lower[k] = low < least ? least : low > most ? most : low;
+        out->upper[k] = high > most ? most : high < least ? least : high;
+    }
+    return 1;
 }
 
 int vocc_clip_split(const float corners[9], const vocc_bounds *inside, int axis,
@@ -133,26 +200,16 @@ int vocc_clip_split(const float corners[9], const vocc_bounds *inside, int axis,
                     vocc_bounds *above)
 {
     const double margin = MARGIN * (double)scale;
-    polygon a, b, side, *all;
-    vocc_bounds box;
-    int sides = 0;
+    polygon a, b;
+    extent low, high;
     load(corners, &a);
-    all = clip_to_box(&a, &b, inside, margin);
-    cut(all, axis, (double)split + margin, 1.0, &side);
-    if (side.n) {
-        box = *inside;
-        box.upper[axis] = split;
-        bound(&side, &box, margin, below);
-        sides |= 1;
-    }
-    cut(all, axis, (double)split - margin, -1.0, &side);
-    if (side.n) {
-        box = *inside;
-        box.lower[axis] = split;
-        bound(&side, &box, margin, above);
-        sides |= 2;
-    }
-    return sides;
+    divide(clip_to_box(&a, &b, inside, margin), axis, (double)split - margin,
+           (double)split + margin, &low, &high);
+    return finish(&low, inside, axis, inside->lower[axis], split, margin,
+                  below) |
+           finish(&high, inside, axis, split, inside->upper[axis], margin,
+                  above)
+               << 1;
 }
 
 int vocc_clip_meets(const float corners[9], const vocc_bounds *box, float scale)

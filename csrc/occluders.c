@@ -36,24 +36,28 @@ static uint32_t area_key(const vocc_opaque *o)
     return key;
 }
 
-/* Moves one face outward, as far as the box's extent at most. */
+/* Moves one face of a free box outward, as far as the box's extent at most. */
 static void grow_face(const vocc_tree *tree, vocc_opaque *o, int axis, int up)
 {
     float step = o->upper[axis] - o->lower[axis];
     float *const face = up ? &o->upper[axis] : &o->lower[axis];
     const float limit = up ? tree->upper[axis] : tree->lower[axis];
+    vocc_opaque added = *o;
+    float *const near_face = up ? &added.lower[axis] : &added.upper[axis],
+                 *const far_face = up ? &added.upper[axis] : &added.lower[axis];
     int i;
+    *near_face = *face;
     for (i = 0; i < HALVINGS; i++, step *= 0.5f) {
-        const float saved = *face;
-        float moved = up ? saved + step : saved - step;
+        float moved = up ? *face + step : *face - step;
         if (up ? moved > limit : moved < limit)
             moved = limit;
-        if (moved == saved)
+        if (moved == *face)
             return;
-        *face = moved;
-        if (vocc_box_is_free(tree, o->lower, o->upper))
+        *far_face = moved;
+        if (vocc_box_is_free(tree, added.lower, added.upper)) {
+            *face = moved;
             return;
-        *face = saved;
+        }
     }
 }
 

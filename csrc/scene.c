@@ -12,6 +12,8 @@
 #include <math.h>
 #include <string.h>
 
+enum { JOB_TRIANGLES = 16384 };
+
 /* ---- create, add, free ----------------------------------------------------
  */
 
@@ -31,6 +33,7 @@ vocc_status vocc_scene_create(const vocc_allocator *allocator,
         return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
     memset(*scene, 0, sizeof **scene);
     (*scene)->allocator = a;
+    (*scene)->most_pairs = VOCC_MAX_PAIRS;
     return VOCC_OK;
 }
 
@@ -213,21 +216,69 @@ static void find_origin(const vocc_scene *scene, double origin[3])
             floor((0.5 * lower[k] + 0.5 * upper[k]) / grid + 0.5) * grid;
 }
 
-/* Nine floats a triangle, of all meshes. */
-static float *all_corners(const vocc_scene *scene, const vocc_built *built)
+/* The last mesh that begins at or before triangle `id`: empty meshes share
+ * their start with the next. */
+static size_t mesh_of(const uint32_t *first, size_t count, uint32_t id)
 {
-    float *corners = vocc_allocate(&scene->allocator, scene->triangle_count,
-                                   9 * sizeof *corners);
-    size_t m, i;
-    float *out = corners;
-    if (!corners)
-        return NULL;
-    for (m = 0; m < scene->mesh_count; m++) {
-        const vocc_mesh *mesh = &scene->meshes[m];
-        for (i = 0; i < 3 * mesh->triangle_count; i++, out += 3)
-            vocc_mesh_vertex(mesh, mesh->triangles[i], built->origin, out);
+    size_t low = 0, high = count;
+    while (high - low > 1) {
+        const size_t middle = (low + high) / 2;
+        if (first[middle] <= id)
+            low = middle;
+        else
+            high = middle;
     }
-    return corners;
+    return low;
+}
+
+typedef struct gathering {
+    const vocc_scene *scene;
+    const vocc_built *built;
+    float *corners;
+} gathering;
+
+static vocc_status gather_corners(void *context, size_t job, int worker,
+                                  vocc_jobs *jobs)
+{
+    const gathering *g = context;
+    const size_t count = g->scene->triangle_count;
+    size_t i = job * JOB_TRIANGLES, m, j;
+    const size_t end = i + JOB_TRIANGLES < count ? i + JOB_TRIANGLES : count;
+    float *out = g->corners + 9 * i;
+    (void)worker;
+    (void)jobs;
+    while (i < end) {
+        const vocc_mesh *mesh;
+        size_t first, last;
+        m = mesh_of(g->built->mesh_first, g->scene->mesh_count, (uint32_t)i);
+        mesh = &g->scene->meshes[m];
+        first = i - g->built->mesh_first[m];
+        last = end - g->built->mesh_first[m];
+        if (last > mesh->triangle_count)
+            last = mesh->triangle_count;
+        for (j = 3 * first; j < 3 * last; j++, out += 3)
+            vocc_mesh_vertex(mesh, mesh->triangles[j], g->built->origin, out);
+        i += last - first;
+    }
+    return VOCC_OK;
+}
+
+/* Nine floats a triangle, of all meshes. */
+static vocc_status all_corners(const vocc_scene *scene, const vocc_built *built,
+                               int threads, vocc_ticker *ticker,
+                               float **corners)
+{
+    gathering g;
+    g.scene = scene;
+    g.built = built;
+    g.corners = *corners = vocc_allocate(
+        &scene->allocator, scene->triangle_count, 9 * sizeof *g.corners);
+    if (!g.corners)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    return vocc_jobs_run(&scene->allocator, threads,
+                         (scene->triangle_count + JOB_TRIANGLES - 1) /
+                             JOB_TRIANGLES,
+                         gather_corners, &g, ticker);
 }
 
 static vocc_status analyse_meshes(const vocc_scene *scene, vocc_built *built,
@@ -284,21 +335,6 @@ static vocc_status check_strict(const vocc_scene *scene,
                 built->analyses[m].open_edges[0] / 3);
     }
     return VOCC_OK;
-}
-
-/* The last mesh that begins at or before triangle `id`: empty meshes share
- * their start with the next. */
-static size_t mesh_of(const uint32_t *first, size_t count, uint32_t id)
-{
-    size_t low = 0, high = count;
-    while (high - low > 1) {
-        const size_t middle = (low + high) / 2;
-        if (first[middle] <= id)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
 }
 
 /* Numbers the solids and finds the solid of each triangle of the tree. */
@@ -440,11 +476,10 @@ static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
     built->report.seconds_components = now - start;
     start = now;
 
-    corners = all_corners(scene, built);
-    if (!corners)
-        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
-    status = vocc_build(a, corners, scene->triangle_count, options, ticker,
-                        &built->tree);
+    status = all_corners(scene, built, options->threads, ticker, &corners);
+    if (status == VOCC_OK)
+        status = vocc_build(a, corners, scene->triangle_count, options,
+                            scene->most_pairs, ticker, &built->tree);
     vocc_release(a, corners);
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);

@@ -35,6 +35,7 @@ struct vocc_scene {
     vocc_mesh *meshes;
     size_t mesh_count, mesh_capacity;
     size_t vertex_count, triangle_count;
+    size_t most_pairs; /* of nodes; tests set less than the format can hold */
     int is_built;
     vocc_built built;
 };

@@ -671,6 +671,12 @@ static vocc_status run_shadow(vocc_shadow *s, const vocc_scene *scene,
         (void)tell_mismatch(s, error);
         error = NULL;
     }
+    if (status == VOCC_ERROR_LIMIT) {
+        (void)vocc_fail(error, status, "count", -1, (double)count,
+                        "count is %zu: voxels are for fewer than 2^34 points",
+                        count);
+        error = NULL;
+    }
     vocc_beam_rooms_free(s);
     return vocc_query_end(&s->query, status, error);
 }

@@ -59,6 +59,23 @@ VOCC_INLINE vfloat vneg(vfloat a)
     return vnegq_f32(a);
 }
 
+VOCC_INLINE vfloat vtally(vfloat count, vfloat a, vfloat b)
+{
+    const uint32x4_t one = vreinterpretq_u32_f32(vdupq_n_f32(1.0f));
+    return vaddq_f32(count,
+                     vreinterpretq_f32_u32(vandq_u32(vcltq_f32(a, b), one)));
+}
+
+VOCC_INLINE vfloat vpick(vfloat a, vfloat b, vfloat yes, vfloat no)
+{
+    return vbslq_f32(vcltq_f32(a, b), yes, no);
+}
+
+VOCC_INLINE void vstore_whole(uint32_t *p, vfloat a)
+{
+    vst1q_u32(p, vcvtq_u32_f32(a));
+}
+
 VOCC_INLINE unsigned vsigns(vfloat a)
 {
     return vocc_mask_bits(vcltzq_s32(vreinterpretq_s32_f32(a)));

@@ -85,6 +85,30 @@ VOCC_INLINE vfloat vneg(vfloat a)
     return a;
 }
 
+/* count, and one more where a < b. */
+VOCC_INLINE vfloat vtally(vfloat count, vfloat a, vfloat b)
+{
+    int lane;
+    VOCC_LANE_LOOP count.f[lane] += a.f[lane] < b.f[lane] ? 1.0f : 0.0f;
+    return count;
+}
+
+/* `yes` where a < b, else `no`. */
+VOCC_INLINE vfloat vpick(vfloat a, vfloat b, vfloat yes, vfloat no)
+{
+    int lane;
+    VOCC_LANE_LOOP no.f[lane] =
+        a.f[lane] < b.f[lane] ? yes.f[lane] : no.f[lane];
+    return no;
+}
+
+/* Rounds numbers from 0 to 2^31 down. */
+VOCC_INLINE void vstore_whole(uint32_t *p, vfloat a)
+{
+    int lane;
+    VOCC_LANE_LOOP p[lane] = (uint32_t)a.f[lane];
+}
+
 /* One bit a lane: the sign bit. */
 VOCC_INLINE unsigned vsigns(vfloat a)
 {

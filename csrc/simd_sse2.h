@@ -50,6 +50,22 @@ VOCC_INLINE vfloat vneg(vfloat a)
     return _mm_xor_ps(_mm_set1_ps(-0.0f), a);
 }
 
+VOCC_INLINE vfloat vtally(vfloat count, vfloat a, vfloat b)
+{
+    return _mm_add_ps(count, _mm_and_ps(_mm_cmplt_ps(a, b), _mm_set1_ps(1.0f)));
+}
+
+VOCC_INLINE vfloat vpick(vfloat a, vfloat b, vfloat yes, vfloat no)
+{
+    const __m128 mask = _mm_cmplt_ps(a, b);
+    return _mm_or_ps(_mm_and_ps(mask, yes), _mm_andnot_ps(mask, no));
+}
+
+VOCC_INLINE void vstore_whole(uint32_t *p, vfloat a)
+{
+    _mm_storeu_si128((__m128i *)p, _mm_cvttps_epi32(a));
+}
+
 VOCC_INLINE unsigned vsigns(vfloat a)
 {
     return (unsigned)_mm_movemask_ps(a);

@@ -11,6 +11,7 @@
 typedef struct vocc_reference {
     vocc_bounds bounds;
     uint32_t triangle;
+    uint32_t unused; /* two vectors are copied, none of which overlap */
 } vocc_reference;
 
 typedef struct vocc_sah {

@@ -21,7 +21,7 @@ const char *vocc_status_string(int32_t status)
     case VOCC_ERROR_FROZEN:
         return "the scene is built and can no longer be changed";
     case VOCC_ERROR_LIMIT:
-        return "a limit of the format is exceeded";
+        return "more than the format can hold";
     case VOCC_ERROR_UNSUPPORTED:
         return "not supported by this library or machine";
     case VOCC_ERROR_OPEN_MESH:

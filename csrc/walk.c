@@ -169,14 +169,20 @@ int vocc_locate(const vocc_tree *tree, const double point[3],
 static int is_free(const vocc_tree *tree, uint32_t index,
                    const vocc_bounds *box, int32_t *region)
 {
-    const vocc_node n = tree->nodes[index];
-    const unsigned axis = vocc_axis(n);
+    vocc_node n = tree->nodes[index];
     uint32_t i;
-    if (!vocc_is_leaf(n))
-        return (box->lower[axis] > n.at.split_pos ||
-                is_free(tree, vocc_children(n), box, region)) &&
-               (box->upper[axis] < n.at.split_pos ||
-                is_free(tree, vocc_children(n) + 1, box, region));
+    while (!vocc_is_leaf(n)) {
+        const unsigned axis = vocc_axis(n);
+        uint32_t child = vocc_children(n);
+        if (box->lower[axis] > n.at.split_pos) {
+            child++;
+        } else if (!(box->upper[axis] < n.at.split_pos)) {
+            if (!is_free(tree, child, box, region))
+                return 0;
+            child++;
+        }
+        n = tree->nodes[child];
+    }
     switch (vocc_label_of(n)) {
     case VOCC_BOUNDARY:
         for (i = 0; i < vocc_leaf_count(n); i++)

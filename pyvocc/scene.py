@@ -246,7 +246,6 @@ class Scene:
 
         Raises:
             OpenMeshError: `strict`, and a mesh is not closed; `index` is its geom_id.
-            LimitError: the tree is larger than the format can hold.
         """
         options: dict[str, float] = {
             "threads": threads_or(threads, self._threads),

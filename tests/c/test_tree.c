@@ -132,6 +132,112 @@ static void child_order(void)
     CHECK(differ > count / 100);
 }
 
+/* ---- budgets ----------------------------------------------------------------
+ */
+
+static void same_tree(const vocc_tree *a, const vocc_tree *b)
+{
+    CHECK_INT(a->node_count, b->node_count);
+    CHECK_INT(a->reference_count, b->reference_count);
+    CHECK_INT(a->triangle_count, b->triangle_count);
+    if (test_failed())
+        return;
+    CHECK(!memcmp(a->nodes, b->nodes, a->node_count * sizeof(*a->nodes)));
+    CHECK(!memcmp(a->references, b->references,
+                  a->reference_count * sizeof(*a->references)));
+    CHECK(!memcmp(a->ids, b->ids, a->triangle_count * sizeof(*a->ids)));
+}
+
+/* A tree that may have few nodes has large leaves, and the right answers. */
+static void few_pairs(void)
+{
+    static const size_t budgets[] = {1, 2, 3, 10, 1000};
+    size_t at_limit = 0, largest = 0;
+    for (size_t i = 0; i < shape_count(); i++) {
+        shape s;
+        ray_set set;
+        test_context(shape_name(i));
+        shape_make(&s, i, 0);
+        rays_init(&set);
+        rays_adversarial(&set, &s, test_scaled(60, 8), 1300 + i);
+        uint8_t *expected = malloc(set.count), *actual = malloc(set.count);
+        REQUIRE(expected && actual);
+        for (size_t k = 0; k < set.count; k++)
+            expected[k] = oracle_occluded(&set.rays[k], &s, 0) == ORACLE_HIT;
+        for (size_t b = 0; b < sizeof(budgets) / sizeof(budgets[0]); b++) {
+            world w;
+            world_limited(&w, &s, NULL, budgets[b]);
+            const vocc_tree *tree = &w.scene->built.tree;
+            CHECK(tree->node_count / 2 <= budgets[b]);
+            at_limit += tree->node_count / 2 == budgets[b];
+            for (size_t n = 0; n < tree->node_count; n++)
+                if (n != 1 && vocc_is_leaf(tree->nodes[n]) &&
+                    vocc_leaf_count(tree->nodes[n]) > largest)
+                    largest = vocc_leaf_count(tree->nodes[n]);
+            for (int flags = 0; flags < 8; flags++) {
+                mode m = mode_baseline();
+                if (flags) {
+                    m.isa = VOCC_ISA_AUTO;
+                    m.occluders = flags & 1;
+                    m.packets = flags >> 1 & 1;
+                    m.order = flags & 4 ? VOCC_ORDER_AUTO : VOCC_ORDER_STANDARD;
+                    m.cache = 8;
+                    m.extras = flags == 7 ? BY_BEAMS : 0;
+                }
+                trace(&w, &set, &m, actual, NULL);
+                compare_answers(__FILE__, __LINE__, s.name, &set, &m, actual,
+                                expected);
+            }
+            world_free(&w);
+        }
+        free(expected);
+        free(actual);
+        rays_free(&set);
+        shape_free(&s);
+    }
+    test_context(NULL);
+    test_note("%zu trees as large as they may be, a leaf of %zu triangles",
+              at_limit, largest);
+    CHECK(at_limit > 20);
+    CHECK(largest > 100);
+}
+
+/* Many triangles, so that subtrees are jobs: the limit and the tree are the
+ * same whatever the number of threads. */
+static void limit_by_threads(void)
+{
+    static const size_t budgets[] = {1, 2, 10, 1000, 20000, 0};
+    shape s;
+    memset(&s, 0, sizeof(s));
+    s.name = "spheres";
+    s.part_count = 1;
+    s.parts[0].occluder = 1;
+    mesh_init(&s.parts[0].m);
+    add_icosphere(&s.parts[0].m, 5, 1.0, 0.0, 0.0, 0.0);
+    add_icosphere(&s.parts[0].m, 4, 0.5, 0.25, 0.125, 0.0);
+    add_icosphere(&s.parts[0].m, 4, 0.25, 1.0, 0.125, 0.0);
+    for (size_t b = 0; b < sizeof(budgets) / sizeof(budgets[0]); b++) {
+        world one;
+        vocc_build_options options;
+        vocc_build_options_init(&options);
+        options.threads = 1;
+        world_limited(&one, &s, &options, budgets[b]);
+        const size_t pairs = one.scene->built.tree.node_count / 2;
+        test_note("budget %zu: %zu pairs", budgets[b], pairs);
+        CHECK(!budgets[b] || pairs <= budgets[b]);
+        /* Little of a budget is left where more would be wanted. */
+        CHECK(!budgets[b] || pairs > budgets[b] / 2);
+        for (options.threads = 2; options.threads <= 3; options.threads++) {
+            world w;
+            world_limited(&w, &s, &options, budgets[b]);
+            same_tree(&one.scene->built.tree, &w.scene->built.tree);
+            world_free(&w);
+        }
+        world_free(&one);
+    }
+    mesh_free(&s.parts[0].m);
+}
+
 /* ---- clipping ---------------------------------------------------------------
  */
 
@@ -497,6 +603,8 @@ const test_case test_tree_cases[] = {
     {"tree.node_layout", node_layout},
     {"tree.nodes_of_built_trees", nodes_of_built_trees},
     {"tree.child_order", child_order},
+    {"tree.few_pairs", few_pairs},
+    {"tree.limit_by_threads", limit_by_threads},
     {"tree.clip_loses_nothing", clip_loses_nothing},
     {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
     {"tree.grown_boxes_are_free", grown_boxes_are_free},

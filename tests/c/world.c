@@ -1,5 +1,7 @@
 #include "world.h"
 
+#include "../../csrc/scene.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -64,12 +66,20 @@ vocc_rays rays_view(const ray_set *set, size_t first, size_t count)
 
 void world_make(world *w, const shape *s, const vocc_build_options *build)
 {
+    world_limited(w, s, build, 0);
+}
+
+void world_limited(world *w, const shape *s, const vocc_build_options *build,
+                   size_t most_pairs)
+{
     vocc_error error;
     w->memory = counting_create();
     const vocc_allocator allocator = counting_allocator(w->memory);
     CHECK_STATUS(vocc_scene_create(&allocator, &w->scene, &error), &error,
                  VOCC_OK);
     REQUIRE(w->scene);
+    if (most_pairs)
+        w->scene->most_pairs = most_pairs;
     for (int i = 0; i < s->part_count; i++)
         CHECK_STATUS(
             add_part(w->scene, &s->parts[i].m, s->parts[i].occluder, &error),

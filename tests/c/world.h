@@ -16,6 +16,9 @@ typedef struct world {
 
 /* Leaves the test if the build fails.  `build` may be NULL. */
 void world_make(world *w, const shape *s, const vocc_build_options *build);
+/* The same with a tree of at most so many pairs of nodes; 0: no limit. */
+void world_limited(world *w, const shape *s, const vocc_build_options *build,
+                   size_t most_pairs);
 /* Frees the scene; anything not freed is a failure. */
 void world_free(world *w);
 

@@ -13,11 +13,17 @@
  * laid out one after the other at the end. */
 enum { WAVES = 6, JOB_TRIANGLES = 16384 };
 
+/* References from which a coarse tree clips triangles at a split; of fewer, it
+ * divides the bounds: a seventh less time, for rays that are a twentieth
+ * slower. */
+enum { COARSE_CLIPPED = 33 };
+
 typedef struct settings {
     const float *corners;
     vocc_sah sah;
     float scale; /* largest |coordinate| */
     size_t max_leaf_size;
+    size_t least_clipped; /* references from which triangles are clipped */
     int max_depth, bad_refines;
 } settings;
 
@@ -195,7 +201,12 @@ static int partition(builder *b, const pending *node, const vocc_split *split,
     up = b->stack + b->stack_count;
     for (i = 0; i < node->count; i++) {
         int sides = sides_of(&from[i].bounds, split);
-        if (sides == 3) {
+        if (sides == 3 && node->count < b->settings->least_clipped) {
+            const vocc_reference r = from[i];
+            from[low] = up[high] = r;
+            from[low].bounds.upper[split->axis] = split->pos;
+            up[high].bounds.lower[split->axis] = split->pos;
+        } else if (sides == 3) {
             const vocc_reference r = from[i];
             sides = vocc_clip_split(
                 b->settings->corners + 9 * (size_t)r.triangle, &r.bounds,
@@ -234,6 +245,15 @@ static int worth_it(const settings *s, const pending *node,
            (split->cost <= 4.0 * leaf_cost || node->count >= 16);
 }
 
+/* Whether so few references are a leaf wherever the best plane is: one step
+ * costs more than testing them all. */
+static int cannot_pay(const settings *s, size_t count)
+{
+    return !s->bad_refines && count <= s->max_leaf_size &&
+           s->sah.traversal_cost * (1.0 - s->sah.empty_bonus) >=
+               s->sah.intersection_cost * (double)count * (1.0 - 0x1p-20);
+}
+
 /* The part of a budget for the first of two children. */
 static size_t share(size_t budget, const pending child[2])
 {
@@ -260,6 +280,8 @@ static int build_node(builder *b, uint32_t index, const pending *node)
         return make_task(b, index, node);
     if (!poll(b, node->count))
         return 0;
+    if (cannot_pay(b->settings, node->count))
+        return make_leaf(b, index, node);
     split = vocc_find_split(b->stack + (b->stack_count - node->count),
                             node->count, &node->box, &b->settings->sah);
     if (!worth_it(b->settings, node, &split, &bad))
@@ -642,7 +664,8 @@ static vocc_status build(forest *f, const float *corners, size_t count,
 
 vocc_status vocc_build(const vocc_allocator *allocator, const float *corners,
                        size_t count, const vocc_build_options *options,
-                       size_t most_pairs, vocc_ticker *ticker, vocc_tree *tree)
+                       int coarse, size_t most_pairs, vocc_ticker *ticker,
+                       vocc_tree *tree)
 {
     settings s;
     forest f;
@@ -654,6 +677,7 @@ vocc_status vocc_build(const vocc_allocator *allocator, const float *corners,
     s.sah.intersection_cost = (double)options->intersection_cost;
     s.sah.empty_bonus = (double)options->empty_bonus;
     s.max_leaf_size = (size_t)options->max_leaf_size;
+    s.least_clipped = coarse ? COARSE_CLIPPED : 0;
     s.max_depth =
         options->max_depth ? options->max_depth : default_depth(count);
     s.bad_refines = options->bad_refines;

@@ -674,8 +674,6 @@ vocc_status vocc_bvh_build(const vocc_allocator *allocator,
     vocc_release(allocator, b.open);
     vocc_release(allocator, b.pairs);
     vocc_release(allocator, b.items);
-    if (status == VOCC_OK)
-        status = vocc_build_boxes(allocator, tree, &bvh->boxes);
     if (status != VOCC_OK)
         vocc_bvh_free(allocator, bvh);
     return status;

@@ -45,11 +45,12 @@ typedef struct vocc_bvh {
     size_t node_count;
     vocc_cluster *clusters;
     size_t cluster_count;
-    vocc_box_tree boxes; /* the tree's grown occluders */
+    vocc_box_tree boxes; /* the tree's grown occluders: vocc_build_boxes */
 } vocc_bvh;
 
 /* Over all triangles of the tree but those with two equal corners, which
- * nothing can cross.  No nodes if there are none.  The same whatever the number
+ * nothing can cross.  No nodes if there are none.  The boxes are left empty, as
+ * the tree may not have grown its occluders yet.  The same whatever the number
  * of threads.  Fails: OUT_OF_MEMORY, CANCELLED. */
 VOCC_INTERNAL vocc_status vocc_bvh_build(const vocc_allocator *allocator,
                                          const vocc_tree *tree,

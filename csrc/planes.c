@@ -2,6 +2,8 @@
 #include "memory.h"
 #include "vec3.h"
 
+enum { JOB_TRIANGLES = 16384 };
+
 static void make_plane(const float *c, float plane[4])
 {
     double e1[3], e2[3], n[3], largest = 0.0, products = 0.0, d = 0.0;
@@ -35,14 +37,30 @@ static void make_plane(const float *c, float plane[4])
     plane[3] = (float)d;
 }
 
-int vocc_make_planes(const vocc_allocator *allocator, vocc_tree *tree)
+static vocc_status make_some(void *context, size_t job, int worker,
+                             vocc_jobs *jobs)
 {
-    size_t i;
+    const vocc_tree *tree = context;
+    size_t i = job * JOB_TRIANGLES;
+    const size_t end = i + JOB_TRIANGLES < tree->triangle_count
+                           ? i + JOB_TRIANGLES
+                           : tree->triangle_count;
+    (void)worker;
+    (void)jobs;
+    for (; i < end; i++)
+        make_plane(tree->corners + 9 * i, tree->planes + 4 * i);
+    return VOCC_OK;
+}
+
+vocc_status vocc_make_planes(const vocc_allocator *allocator, vocc_tree *tree,
+                             int threads, vocc_ticker *ticker)
+{
     tree->planes =
         vocc_allocate(allocator, tree->triangle_count, 4 * sizeof(float));
     if (!tree->planes)
-        return 0;
-    for (i = 0; i < tree->triangle_count; i++)
-        make_plane(tree->corners + 9 * i, tree->planes + 4 * i);
-    return 1;
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    return vocc_jobs_run(allocator, threads,
+                         (tree->triangle_count + JOB_TRIANGLES - 1) /
+                             JOB_TRIANGLES,
+                         make_some, tree, ticker);
 }

@@ -12,7 +12,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { JOB_TRIANGLES = 16384 };
+enum { JOB_TRIANGLES = 16384, LARGE = 100000 };
 
 /* ---- create, add, free ----------------------------------------------------
  */
@@ -34,6 +34,7 @@ vocc_status vocc_scene_create(const vocc_allocator *allocator,
     memset(*scene, 0, sizeof **scene);
     (*scene)->allocator = a;
     (*scene)->most_pairs = VOCC_MAX_PAIRS;
+    (*scene)->large = LARGE;
     return VOCC_OK;
 }
 
@@ -137,7 +138,6 @@ void vocc_build_options_init(vocc_build_options *options)
     memset(options, 0, sizeof *options);
     options->size = (uint32_t)sizeof *options;
     options->traversal_cost = 1.0f;
-    options->intersection_cost = 0.65f;
     options->empty_bonus = 0.2f;
     options->max_leaf_size = 64;
 }
@@ -155,7 +155,7 @@ static vocc_status check_build_options(const vocc_build_options *o,
     if (s == VOCC_OK)
         s = vocc_check_range(error, "traversal_cost", (double)o->traversal_cost,
                              (double)1e-6f, 1e6);
-    if (s == VOCC_OK)
+    if (s == VOCC_OK && o->intersection_cost != 0.0f)
         s = vocc_check_range(error, "intersection_cost",
                              (double)o->intersection_cost, (double)1e-6f, 1e6);
     if (s == VOCC_OK)
@@ -281,18 +281,31 @@ static vocc_status all_corners(const vocc_scene *scene, const vocc_built *built,
                          gather_corners, &g, ticker);
 }
 
+static vocc_status number_triangles(const vocc_scene *scene, vocc_built *built)
+{
+    size_t m;
+    uint32_t first = 0;
+    built->mesh_first = vocc_allocate(&scene->allocator, scene->mesh_count + 1,
+                                      sizeof *built->mesh_first);
+    if (!built->mesh_first)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    for (m = 0; m < scene->mesh_count; m++) {
+        built->mesh_first[m] = first;
+        first += (uint32_t)scene->meshes[m].triangle_count;
+    }
+    built->mesh_first[m] = first;
+    return VOCC_OK;
+}
+
 static vocc_status analyse_meshes(const vocc_scene *scene, vocc_built *built,
                                   vocc_ticker *ticker)
 {
     const vocc_allocator *a = &scene->allocator;
     size_t m, i;
     int32_t components = 0;
-    uint32_t first = 0;
-    built->mesh_first =
-        vocc_allocate(a, scene->mesh_count + 1, sizeof *built->mesh_first);
     built->analyses =
         vocc_allocate(a, scene->mesh_count, sizeof *built->analyses);
-    if (!built->mesh_first || !built->analyses)
+    if (!built->analyses)
         return VOCC_ERROR_OUT_OF_MEMORY;
     for (m = 0; m < scene->mesh_count; m++) {
         vocc_analysis *x = &built->analyses[m];
@@ -303,8 +316,6 @@ static vocc_status analyse_meshes(const vocc_scene *scene, vocc_built *built,
         if (status != VOCC_OK)
             return status;
         built->analysis_count = m + 1;
-        built->mesh_first[m] = first;
-        first += (uint32_t)scene->meshes[m].triangle_count;
         x->report.first_component = components;
         components += x->report.component_count;
         for (i = 0; i < x->component_count; i++) {
@@ -313,7 +324,6 @@ static vocc_status analyse_meshes(const vocc_scene *scene, vocc_built *built,
                 x->components[i].closed && scene->meshes[m].occluder;
         }
     }
-    built->mesh_first[scene->mesh_count] = first;
     built->report.component_count = components;
     return VOCC_OK;
 }
@@ -452,89 +462,180 @@ static void fill_report(const vocc_scene *scene, vocc_built *built,
     choose_order(built);
 }
 
-static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
-                         vocc_built *built, vocc_ticker *ticker,
-                         vocc_error *error)
-{
-    const vocc_allocator *a = &scene->allocator;
-    vocc_classification classification;
+/* A build under way, and what its parts share. */
+typedef struct building {
+    const vocc_scene *scene;
+    const vocc_build_options *options;
+    int coarse;
+    vocc_built *built;
     vocc_solids solids;
+    vocc_classification classification;
+} building;
+
+static vocc_status analyse(void *context, vocc_ticker *ticker)
+{
+    const building *b = context;
+    const double start = vocc_seconds();
+    const vocc_status status = analyse_meshes(b->scene, b->built, ticker);
+    b->built->report.seconds_components = vocc_seconds() - start;
+    return status;
+}
+
+static vocc_status make_tree(const building *b, vocc_ticker *ticker)
+{
+    const vocc_allocator *a = &b->scene->allocator;
+    const double start = vocc_seconds();
     float *corners;
-    vocc_status status;
-    double start = vocc_seconds(), now;
-
-    find_origin(scene, built->origin);
-    status = analyse_meshes(scene, built, ticker);
-    if (status == VOCC_OK && options->strict) {
-        status = check_strict(scene, built, error);
-        if (status != VOCC_OK)
-            return status;
-    }
-    if (status != VOCC_OK)
-        return vocc_fail_plain(error, status);
-    now = vocc_seconds();
-    built->report.seconds_components = now - start;
-    start = now;
-
-    status = all_corners(scene, built, options->threads, ticker, &corners);
+    vocc_status status =
+        all_corners(b->scene, b->built, b->options->threads, ticker, &corners);
     if (status == VOCC_OK)
-        status = vocc_build(a, corners, scene->triangle_count, options,
-                            scene->most_pairs, ticker, &built->tree);
+        status = vocc_build(a, corners, b->scene->triangle_count, b->options,
+                            b->coarse, b->scene->most_pairs, ticker,
+                            &b->built->tree);
     vocc_release(a, corners);
-    if (status != VOCC_OK)
-        return vocc_fail_plain(error, status);
-    now = vocc_seconds();
-    built->report.seconds_build = now - start;
-    start = now;
+    b->built->report.seconds_build = vocc_seconds() - start;
+    return status;
+}
 
+static vocc_status find_regions(building *b, vocc_ticker *ticker)
+{
+    const vocc_allocator *a = &b->scene->allocator;
+    const double start = vocc_seconds();
+    vocc_built *const built = b->built;
+    vocc_status status;
     vocc_ticker_stage(ticker, 0.8, 0.95);
-    status = name_solids(scene, built);
-    if (status != VOCC_OK)
-        return vocc_fail_plain(error, status);
     built->regions = vocc_allocate(a, 1, sizeof *built->regions);
     if (!built->regions)
-        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+        return VOCC_ERROR_OUT_OF_MEMORY;
     if (!vocc_regions_init(a, built->regions)) {
         vocc_release(a, built->regions);
         built->regions = NULL;
-        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+        return VOCC_ERROR_OUT_OF_MEMORY;
     }
     built->regions_mutex = vocc_mutex_create(a);
     if (!built->regions_mutex)
-        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
-    solids.of_triangle = built->solid_of_triangle;
-    solids.consistent = built->solid_consistent;
-    status = vocc_classify(a, &built->tree, &solids, built->solid_count,
-                           options->threads, built->regions, ticker,
-                           &classification);
-    if (status != VOCC_OK)
-        return vocc_fail_plain(error, status);
-    now = vocc_seconds();
-    built->report.seconds_classify = now - start;
-    start = now;
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    status = vocc_classify(a, &built->tree, &b->solids, built->solid_count,
+                           b->options->threads, built->regions, ticker,
+                           &b->classification);
+    built->report.seconds_classify = vocc_seconds() - start;
+    return status;
+}
+
+/* Of the tree, once its leaves are labelled. */
+static vocc_status prepare_rays(const building *b, vocc_ticker *ticker)
+{
+    const vocc_allocator *a = &b->scene->allocator;
+    const double start = vocc_seconds();
+    const vocc_build_options *const o = b->options;
+    vocc_tree *const tree = &b->built->tree;
+    vocc_status status;
     vocc_ticker_stage(ticker, 0.95, 0.96);
-    status = vocc_order_children(a, &built->tree,
-                                 (double)options->intersection_cost /
-                                     (double)options->traversal_cost,
-                                 options->threads, ticker);
-    if (status != VOCC_OK)
-        return vocc_fail_plain(error, status);
-    if (!vocc_make_planes(a, &built->tree))
-        return vocc_fail_plain(error, VOCC_ERROR_OUT_OF_MEMORY);
+    status = vocc_order_children(
+        a, tree, (double)o->intersection_cost / (double)o->traversal_cost,
+        o->threads, ticker);
+    if (status == VOCC_OK)
+        status = vocc_make_planes(a, tree, o->threads, ticker);
     vocc_ticker_stage(ticker, 0.96, 0.97);
-    status = vocc_grow_occluders(a, &built->tree, options->threads, ticker);
-    if (status != VOCC_OK)
-        return vocc_fail_plain(error, status);
-    built->report.seconds_occluders = vocc_seconds() - start;
-    start = vocc_seconds();
+    if (status == VOCC_OK)
+        status = vocc_grow_occluders(a, tree, o->threads, ticker);
+    b->built->report.seconds_occluders = vocc_seconds() - start;
+    return status;
+}
+
+static vocc_status make_hierarchy(void *context, vocc_ticker *ticker)
+{
+    const building *b = context;
+    const double start = vocc_seconds();
+    vocc_status status;
     vocc_ticker_stage(ticker, 0.97, 1.0);
-    status = vocc_bvh_build(a, &built->tree, &solids, options->threads, ticker,
-                            &built->bvh);
+    status = vocc_bvh_build(&b->scene->allocator, &b->built->tree, &b->solids,
+                            b->options->threads, ticker, &b->built->bvh);
+    b->built->report.seconds_beams = vocc_seconds() - start;
+    return status;
+}
+
+/* Begins what does not depend on what the caller does next, where there is a
+ * processor for it; else does it now. */
+static vocc_status begin(building *b, vocc_aside_fn run, vocc_ticker *ticker,
+                         vocc_aside **aside)
+{
+    vocc_status status = VOCC_OK;
+    *aside = NULL;
+    if (b->options->threads > 1)
+        status = vocc_aside_begin(&b->scene->allocator, run, b, aside);
+    return status == VOCC_OK && !*aside ? run(b, ticker) : status;
+}
+
+static vocc_status end(const building *b, vocc_aside *aside, vocc_status status,
+                       vocc_ticker *ticker)
+{
+    vocc_status other;
+    if (!aside)
+        return status;
+    other =
+        vocc_aside_end(&b->scene->allocator, aside, status != VOCC_OK, ticker);
+    return status == VOCC_OK ? other : status;
+}
+
+static vocc_status build_parts(building *b, vocc_ticker *ticker,
+                               vocc_error *error)
+{
+    const vocc_allocator *a = &b->scene->allocator;
+    vocc_built *const built = b->built;
+    vocc_aside *aside = NULL;
+    vocc_status status = number_triangles(b->scene, built);
+    if (status != VOCC_OK)
+        return status;
+    find_origin(b->scene, built->origin);
+    if (b->options->strict) {
+        /* Not after minutes. */
+        status = analyse(b, ticker);
+        if (status == VOCC_OK)
+            status = check_strict(b->scene, built, error);
+    } else {
+        status = begin(b, analyse, ticker, &aside);
+    }
+    if (status == VOCC_OK)
+        status = make_tree(b, ticker);
+    status = end(b, aside, status, ticker);
+    if (status == VOCC_OK)
+        status = name_solids(b->scene, built);
+    if (status != VOCC_OK)
+        return status;
+    b->solids.of_triangle = built->solid_of_triangle;
+    b->solids.consistent = built->solid_consistent;
+    status = begin(b, make_hierarchy, ticker, &aside);
+    if (status == VOCC_OK)
+        status = find_regions(b, ticker);
+    if (status == VOCC_OK)
+        status = prepare_rays(b, ticker);
+    status = end(b, aside, status, ticker);
+    return status == VOCC_OK
+               ? vocc_build_boxes(a, &built->tree, &built->bvh.boxes)
+               : status;
+}
+
+static vocc_status build(vocc_scene *scene, const vocc_build_options *options,
+                         int coarse, vocc_built *built, vocc_ticker *ticker,
+                         vocc_error *error)
+{
+    const double start = vocc_seconds();
+    building b;
+    vocc_status status;
+    memset(&b, 0, sizeof b);
+    b.scene = scene;
+    b.options = options;
+    b.coarse = coarse;
+    b.built = built;
+    status = build_parts(&b, ticker, error);
+    if (status == VOCC_ERROR_OPEN_MESH)
+        return status;
     if (status != VOCC_OK)
         return vocc_fail_plain(error, status);
-    built->report.seconds_beams = vocc_seconds() - start;
     built->report.threads = options->threads;
-    fill_report(scene, built, &classification);
+    fill_report(scene, built, &b.classification);
+    built->report.seconds_total = vocc_seconds() - start;
     if (vocc_tick(ticker, 1.0))
         return vocc_fail_plain(error, VOCC_ERROR_CANCELLED);
     return VOCC_OK;
@@ -549,6 +650,7 @@ vocc_status vocc_scene_build(vocc_scene *scene,
     vocc_ticker ticker;
     vocc_status status;
     size_t m;
+    int coarse;
     if (!scene)
         return fail_null(error, "scene");
     if (scene->is_built)
@@ -562,9 +664,17 @@ vocc_status vocc_scene_build(vocc_scene *scene,
     }
     if (o.threads == 0)
         o.threads = vocc_processor_count();
+    /* Where a tree takes long to build, a coarse one of half the nodes serves:
+     * it takes two thirds of the time, leaves passes by beams as fast, and
+     * slows rays through it by a tenth.  A small one would lose occluders that
+     * beams need. */
+    coarse =
+        o.intersection_cost == 0.0f && scene->triangle_count > scene->large;
+    if (o.intersection_cost == 0.0f)
+        o.intersection_cost = coarse ? 0.4f : 0.65f;
     memset(&built, 0, sizeof built);
     vocc_ticker_init(&ticker, o.progress, o.progress_user);
-    status = build(scene, &o, &built, &ticker, error);
+    status = build(scene, &o, coarse, &built, &ticker, error);
     if (status != VOCC_OK) {
         built_free(&scene->allocator, &built);
         return status;

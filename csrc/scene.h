@@ -36,6 +36,7 @@ struct vocc_scene {
     size_t mesh_count, mesh_capacity;
     size_t vertex_count, triangle_count;
     size_t most_pairs; /* of nodes; tests set less than the format can hold */
+    size_t large;      /* triangles beyond which the tree is coarse; tests: 0 */
     int is_built;
     vocc_built built;
 };

@@ -13,6 +13,8 @@
 typedef CRITICAL_SECTION native_mutex;
 typedef CONDITION_VARIABLE native_condition;
 typedef HANDLE native_thread;
+#define THREAD_RESULT DWORD WINAPI
+typedef LPTHREAD_START_ROUTINE native_main;
 #else
 #include <pthread.h>
 #include <time.h>
@@ -20,6 +22,8 @@ typedef HANDLE native_thread;
 typedef pthread_mutex_t native_mutex;
 typedef pthread_cond_t native_condition;
 typedef pthread_t native_thread;
+#define THREAD_RESULT void *
+typedef void *(*native_main)(void *);
 #endif
 
 /* ---- the system's primitives ------------------------------------------- */
@@ -103,6 +107,26 @@ static void native_wait(native_condition *c, native_mutex *m)
         when.tv_sec += 1;
     }
     (void)pthread_cond_timedwait(c, m, &when);
+#endif
+}
+
+static int native_start(native_thread *thread, native_main run, void *argument)
+{
+#ifdef _WIN32
+    *thread = CreateThread(NULL, 0, run, argument, 0, NULL);
+    return *thread != NULL;
+#else
+    return pthread_create(thread, NULL, run, argument) == 0;
+#endif
+}
+
+static void native_join(native_thread thread)
+{
+#ifdef _WIN32
+    (void)WaitForSingleObject(thread, INFINITE);
+    (void)CloseHandle(thread);
+#else
+    (void)pthread_join(thread, NULL);
 #endif
 }
 
@@ -287,11 +311,7 @@ static void work(vocc_jobs *jobs, int worker)
     }
 }
 
-#ifdef _WIN32
-static DWORD WINAPI worker_main(LPVOID argument)
-#else
-static void *worker_main(void *argument)
-#endif
+static THREAD_RESULT worker_main(void *argument)
 {
     worker_start *start = argument;
     vocc_jobs *jobs = start->jobs;
@@ -300,31 +320,7 @@ static void *worker_main(void *argument)
     jobs->running--;
     native_signal(&jobs->idle);
     native_unlock(&jobs->mutex);
-#ifdef _WIN32
     return 0;
-#else
-    return NULL;
-#endif
-}
-
-static int native_start(native_thread *thread, worker_start *start)
-{
-#ifdef _WIN32
-    *thread = CreateThread(NULL, 0, worker_main, start, 0, NULL);
-    return *thread != NULL;
-#else
-    return pthread_create(thread, NULL, worker_main, start) == 0;
-#endif
-}
-
-static void native_join(native_thread thread)
-{
-#ifdef _WIN32
-    (void)WaitForSingleObject(thread, INFINITE);
-    (void)CloseHandle(thread);
-#else
-    (void)pthread_join(thread, NULL);
-#endif
 }
 
 vocc_status vocc_jobs_run(const vocc_allocator *allocator, int threads,
@@ -366,7 +362,7 @@ vocc_status vocc_jobs_run(const vocc_allocator *allocator, int threads,
         native_lock(&jobs.mutex);
         jobs.running++;
         native_unlock(&jobs.mutex);
-        if (!native_start(&handles[i], &starts[i])) {
+        if (!native_start(&handles[i], worker_main, &starts[i])) {
             native_lock(&jobs.mutex);
             jobs.running--;
             native_unlock(&jobs.mutex);
@@ -393,4 +389,84 @@ vocc_status vocc_jobs_run(const vocc_allocator *allocator, int threads,
     native_condition_destroy(&jobs.idle);
     native_mutex_destroy(&jobs.mutex);
     return jobs.status;
+}
+
+/* ---- aside -------------------------------------------------------------- */
+
+struct vocc_aside {
+    native_mutex mutex;
+    native_condition ended;
+    native_thread thread;
+    vocc_aside_fn run;
+    void *context;
+    vocc_status status;
+    int stop, over;
+};
+
+static int asked_to_stop(void *user, double fraction)
+{
+    vocc_aside *aside = user;
+    int stop;
+    (void)fraction;
+    native_lock(&aside->mutex);
+    stop = aside->stop;
+    native_unlock(&aside->mutex);
+    return stop;
+}
+
+static THREAD_RESULT aside_main(void *argument)
+{
+    vocc_aside *aside = argument;
+    vocc_ticker ticker;
+    vocc_ticker_init(&ticker, asked_to_stop, aside);
+    aside->status = aside->run(aside->context, &ticker);
+    native_lock(&aside->mutex);
+    aside->over = 1;
+    native_signal(&aside->ended);
+    native_unlock(&aside->mutex);
+    return 0;
+}
+
+vocc_status vocc_aside_begin(const vocc_allocator *allocator, vocc_aside_fn run,
+                             void *context, vocc_aside **aside)
+{
+    vocc_aside *a = *aside = vocc_allocate(allocator, 1, sizeof *a);
+    if (!a)
+        return VOCC_ERROR_OUT_OF_MEMORY;
+    memset(a, 0, sizeof *a);
+    a->run = run;
+    a->context = context;
+    if (native_mutex_init(&a->mutex)) {
+        if (native_condition_init(&a->ended)) {
+            if (native_start(&a->thread, aside_main, a))
+                return VOCC_OK;
+            native_condition_destroy(&a->ended);
+        }
+        native_mutex_destroy(&a->mutex);
+    }
+    vocc_release(allocator, a);
+    *aside = NULL;
+    return VOCC_OK;
+}
+
+vocc_status vocc_aside_end(const vocc_allocator *allocator, vocc_aside *aside,
+                           int stop, vocc_ticker *ticker)
+{
+    vocc_status status;
+    native_lock(&aside->mutex);
+    aside->stop = stop;
+    while (!aside->over) {
+        native_wait(&aside->ended, &aside->mutex);
+        native_unlock(&aside->mutex);
+        stop |= vocc_tick(ticker, 0.0);
+        native_lock(&aside->mutex);
+        aside->stop = stop;
+    }
+    native_unlock(&aside->mutex);
+    native_join(aside->thread);
+    status = aside->status;
+    native_condition_destroy(&aside->ended);
+    native_mutex_destroy(&aside->mutex);
+    vocc_release(allocator, aside);
+    return status;
 }

@@ -62,4 +62,21 @@ VOCC_INTERNAL vocc_status vocc_jobs_run(const vocc_allocator *allocator,
  * stop.  Non-zero: return VOCC_ERROR_CANCELLED. */
 VOCC_INTERNAL int vocc_jobs_poll(vocc_jobs *jobs, int worker);
 
+/* Work beside the caller's, on a thread of its own.  Its ticker tells it to
+ * stop, and nothing to the user. */
+typedef struct vocc_aside vocc_aside;
+typedef vocc_status (*vocc_aside_fn)(void *context, vocc_ticker *ticker);
+
+/* *aside is NULL if the system gives no thread: then call `run` yourself.
+ * Fails: OUT_OF_MEMORY. */
+VOCC_INTERNAL vocc_status vocc_aside_begin(const vocc_allocator *allocator,
+                                           vocc_aside_fn run, void *context,
+                                           vocc_aside **aside);
+
+/* Waits for what `run` returns, after asking it to stop if `stop`; reports to
+ * the user in the meantime. */
+VOCC_INTERNAL vocc_status vocc_aside_end(const vocc_allocator *allocator,
+                                         vocc_aside *aside, int stop,
+                                         vocc_ticker *ticker);
+
 #endif

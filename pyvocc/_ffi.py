@@ -351,6 +351,7 @@ def report(scene: Handle) -> Report:
             classify=c.seconds_classify,
             occluders=c.seconds_occluders,
             beams=c.seconds_beams,
+            total=c.seconds_total,
         ),
         triangle_count=c.triangle_count,
         vertex_count=c.vertex_count,

@@ -231,7 +231,8 @@ class Scene:
             progress: see the class.
             threads: as in the constructor, for this call. The tree does not depend on it.
             traversal_cost: SAH cost of a traversal step, > 0; default 1.
-            intersection_cost: SAH cost of a triangle test, > 0; default 0.65.
+            intersection_cost: SAH cost of a triangle test, > 0; default 0, for 0.65, and for
+                more than 100 000 triangles 0.4.
             empty_bonus: share of the cost that an empty child saves, 0 to 1; default 0.2.
             max_leaf_size: leaves with more triangles are split even where the SAH would
                 not, 1 to 2^20; default 64.

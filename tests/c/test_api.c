@@ -443,7 +443,7 @@ static void build_options(void)
     CHECK_INT(defaults.size, sizeof(defaults));
     CHECK_INT(defaults.threads, 0);
     CHECK_NEAR(defaults.traversal_cost, 1.0, 0);
-    CHECK_NEAR(defaults.intersection_cost, 0.65f, 0);
+    CHECK_NEAR(defaults.intersection_cost, 0.0f, 0);
     CHECK_NEAR(defaults.empty_bonus, 0.2f, 0);
     CHECK_INT(defaults.max_leaf_size, 64);
     CHECK_INT(defaults.max_depth, 0);
@@ -469,7 +469,6 @@ static void build_options(void)
     BAD(traversal_cost, -1.0f);
     BAD(traversal_cost, NAN);
     BAD(traversal_cost, HUGE_VALF);
-    BAD(intersection_cost, 0.0f);
     BAD(intersection_cost, -2.5f);
     BAD(intersection_cost, NAN);
     BAD(intersection_cost, HUGE_VALF);

@@ -298,7 +298,12 @@ static void all_shapes(void)
             CHECK(r.tree_bytes > 0 &&
                   r.tree_bytes <= counting_live_bytes(w.memory));
             CHECK(r.seconds_components >= 0 && r.seconds_build >= 0 &&
-                  r.seconds_classify >= 0 && r.seconds_occluders >= 0);
+                  r.seconds_classify >= 0 && r.seconds_occluders >= 0 &&
+                  r.seconds_beams >= 0);
+            CHECK(r.seconds_total >= r.seconds_components &&
+                  r.seconds_total >= r.seconds_build + r.seconds_classify +
+                                         r.seconds_occluders &&
+                  r.seconds_total >= r.seconds_beams);
             check_tree_figures(&w, &r);
             world_free(&w);
             shape_free(&s);

@@ -9,6 +9,7 @@
 #include "world.h"
 
 #include <float.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -148,6 +149,37 @@ static void same_tree(const vocc_tree *a, const vocc_tree *b)
     CHECK(!memcmp(a->ids, b->ids, a->triangle_count * sizeof(*a->ids)));
 }
 
+static uint8_t *oracle_answers(const shape *s, const ray_set *set)
+{
+    uint8_t *expected = malloc(set->count);
+    REQUIRE(expected);
+    for (size_t k = 0; k < set->count; k++)
+        expected[k] = oracle_occluded(&set->rays[k], s, 0) == ORACLE_HIT;
+    return expected;
+}
+
+/* By the baseline, and by others that use all of the tree. */
+static void check_answers(const world *w, const shape *s, const ray_set *set,
+                          const uint8_t *expected)
+{
+    uint8_t *actual = malloc(set->count);
+    REQUIRE(actual);
+    for (int flags = 0; flags < 8; flags++) {
+        mode m = mode_baseline();
+        if (flags) {
+            m.isa = VOCC_ISA_AUTO;
+            m.occluders = flags & 1;
+            m.packets = flags >> 1 & 1;
+            m.order = flags & 4 ? VOCC_ORDER_AUTO : VOCC_ORDER_STANDARD;
+            m.cache = 8;
+            m.extras = flags == 7 ? BY_BEAMS : 0;
+        }
+        trace(w, set, &m, actual, NULL);
+        compare_answers(__FILE__, __LINE__, s->name, set, &m, actual, expected);
+    }
+    free(actual);
+}
+
 /* A tree that may have few nodes has large leaves, and the right answers. */
 static void few_pairs(void)
 {
@@ -160,10 +192,7 @@ static void few_pairs(void)
         shape_make(&s, i, 0);
         rays_init(&set);
         rays_adversarial(&set, &s, test_scaled(60, 8), 1300 + i);
-        uint8_t *expected = malloc(set.count), *actual = malloc(set.count);
-        REQUIRE(expected && actual);
-        for (size_t k = 0; k < set.count; k++)
-            expected[k] = oracle_occluded(&set.rays[k], &s, 0) == ORACLE_HIT;
+        uint8_t *expected = oracle_answers(&s, &set);
         for (size_t b = 0; b < sizeof(budgets) / sizeof(budgets[0]); b++) {
             world w;
             world_limited(&w, &s, NULL, budgets[b]);
@@ -174,24 +203,10 @@ static void few_pairs(void)
                 if (n != 1 && vocc_is_leaf(tree->nodes[n]) &&
                     vocc_leaf_count(tree->nodes[n]) > largest)
                     largest = vocc_leaf_count(tree->nodes[n]);
-            for (int flags = 0; flags < 8; flags++) {
-                mode m = mode_baseline();
-                if (flags) {
-                    m.isa = VOCC_ISA_AUTO;
-                    m.occluders = flags & 1;
-                    m.packets = flags >> 1 & 1;
-                    m.order = flags & 4 ? VOCC_ORDER_AUTO : VOCC_ORDER_STANDARD;
-                    m.cache = 8;
-                    m.extras = flags == 7 ? BY_BEAMS : 0;
-                }
-                trace(&w, &set, &m, actual, NULL);
-                compare_answers(__FILE__, __LINE__, s.name, &set, &m, actual,
-                                expected);
-            }
+            check_answers(&w, &s, &set, expected);
             world_free(&w);
         }
         free(expected);
-        free(actual);
         rays_free(&set);
         shape_free(&s);
     }
@@ -234,6 +249,112 @@ static void limit_by_threads(void)
             world_free(&w);
         }
         world_free(&one);
+    }
+    mesh_free(&s.parts[0].m);
+}
+
+/* ---- coarse trees -----------------------------------------------------------
+ */
+
+/* What is well within a leaf's box is listed there. */
+static int check_leaf(void *context, uint32_t node, const float lower[3],
+                      const float upper[3])
+{
+    const vocc_tree *tree = context;
+    const vocc_node leaf = tree->nodes[node];
+    const uint32_t *r = tree->references + leaf.at.first;
+    vocc_bounds within;
+    for (int k = 0; k < 3; k++) {
+        within.lower[k] = lower[k] + 0x1p-10f * (upper[k] - lower[k]);
+        within.upper[k] = upper[k] - 0x1p-10f * (upper[k] - lower[k]);
+        /* Too thin for that. */
+        if (!(within.lower[k] > lower[k]) || !(within.upper[k] < upper[k]))
+            return 0;
+    }
+    for (uint32_t t = 0; t < tree->triangle_count; t++) {
+        uint32_t i = 0;
+        const uint32_t count =
+            vocc_label_of(leaf) == VOCC_BOUNDARY ? vocc_leaf_count(leaf) : 0;
+        if (!vocc_clip_meets(tree->corners + 9 * (size_t)t, &within,
+                             tree->scale))
+            continue;
+        while (i < count && r[i] != t)
+            i++;
+        if (i == count) {
+            test_fail(__FILE__, __LINE__, "leaf %" PRIu32 " without %" PRIu32,
+                      node, t);
+            return 1;
+        }
+        test_compared(1);
+    }
+    return 0;
+}
+
+/* As meshes of many triangles have them: fewer nodes, nothing missing, and the
+ * right answers. */
+static void coarse(void)
+{
+    size_t fine_nodes = 0, coarse_nodes = 0;
+    for (size_t i = 0; i < shape_count(); i++) {
+        shape s;
+        ray_set set;
+        world fine, w;
+        test_context(shape_name(i));
+        shape_make(&s, i, 0);
+        rays_init(&set);
+        rays_adversarial(&set, &s, test_scaled(100, 12), 1700 + i);
+        uint8_t *expected = oracle_answers(&s, &set);
+        world_make(&fine, &s, NULL);
+        world_coarse(&w, &s);
+        vocc_tree *const tree = &w.scene->built.tree;
+        fine_nodes += fine.scene->built.tree.node_count;
+        coarse_nodes += tree->node_count;
+        (void)vocc_tree_leaves(tree, check_leaf, tree);
+        (void)vocc_tree_leaves(&fine.scene->built.tree, check_leaf,
+                               &fine.scene->built.tree);
+        check_answers(&w, &s, &set, expected);
+        world_free(&fine);
+        world_free(&w);
+        free(expected);
+        rays_free(&set);
+        shape_free(&s);
+    }
+    test_context(NULL);
+    test_note("%zu nodes, %zu in coarse trees", fine_nodes, coarse_nodes);
+    CHECK(coarse_nodes < fine_nodes / 4 * 3);
+}
+
+/* By default from so many triangles on, which a cost of one's own overrules. */
+static void coarse_if_large(void)
+{
+    shape s;
+    vocc_build_options options;
+    memset(&s, 0, sizeof(s));
+    s.name = "spheres";
+    s.part_count = 1;
+    s.parts[0].occluder = 1;
+    mesh_init(&s.parts[0].m);
+    add_icosphere(&s.parts[0].m, 6, 1.0, 0.0, 0.0, 0.0);
+    for (int large = 0; large < 2; large++) {
+        world w, chosen;
+        if (large)
+            add_icosphere(&s.parts[0].m, 6, 0.25, 0.0, 0.0, 0.0);
+        vocc_build_options_init(&options);
+        options.intersection_cost = large ? 0.4f : 0.65f;
+        world_make(&w, &s, NULL);
+        world_make(&chosen, &s, &options);
+        const vocc_report r = w.scene->built.report,
+                          c = chosen.scene->built.report;
+        test_note("%" PRIu64 " triangles, %" PRIu64
+                  " nodes, of that cost %" PRIu64,
+                  r.triangle_count, r.node_count, c.node_count);
+        CHECK_INT(r.triangle_count > 100000, large);
+        if (large)
+            CHECK(r.node_count < c.node_count);
+        else
+            CHECK_INT(r.node_count, c.node_count);
+        world_free(&w);
+        world_free(&chosen);
     }
     mesh_free(&s.parts[0].m);
 }
@@ -605,6 +726,8 @@ const test_case test_tree_cases[] = {
     {"tree.child_order", child_order},
     {"tree.few_pairs", few_pairs},
     {"tree.limit_by_threads", limit_by_threads},
+    {"tree.coarse", coarse},
+    {"tree.coarse_if_large", coarse_if_large},
     {"tree.clip_loses_nothing", clip_loses_nothing},
     {"tree.flood_is_one_ray_a_leaf", flood_is_one_ray_a_leaf},
     {"tree.grown_boxes_are_free", grown_boxes_are_free},

@@ -64,13 +64,9 @@ vocc_rays rays_view(const ray_set *set, size_t first, size_t count)
 
 /* ---- worlds ------------------------------------------------------------ */
 
-void world_make(world *w, const shape *s, const vocc_build_options *build)
-{
-    world_limited(w, s, build, 0);
-}
-
-void world_limited(world *w, const shape *s, const vocc_build_options *build,
-                   size_t most_pairs)
+static void world_built(world *w, const shape *s,
+                        const vocc_build_options *build, size_t most_pairs,
+                        int coarse)
 {
     vocc_error error;
     w->memory = counting_create();
@@ -80,6 +76,8 @@ void world_limited(world *w, const shape *s, const vocc_build_options *build,
     REQUIRE(w->scene);
     if (most_pairs)
         w->scene->most_pairs = most_pairs;
+    if (coarse)
+        w->scene->large = 0;
     for (int i = 0; i < s->part_count; i++)
         CHECK_STATUS(
             add_part(w->scene, &s->parts[i].m, s->parts[i].occluder, &error),
@@ -89,6 +87,22 @@ void world_limited(world *w, const shape *s, const vocc_build_options *build,
         test_fail(__FILE__, __LINE__, "%s: build: %s", s->name, error.message);
         test_leave();
     }
+}
+
+void world_make(world *w, const shape *s, const vocc_build_options *build)
+{
+    world_limited(w, s, build, 0);
+}
+
+void world_coarse(world *w, const shape *s)
+{
+    world_built(w, s, NULL, 0, 1);
+}
+
+void world_limited(world *w, const shape *s, const vocc_build_options *build,
+                   size_t most_pairs)
+{
+    world_built(w, s, build, most_pairs, 0);
 }
 
 void world_free(world *w)

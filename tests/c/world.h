@@ -19,6 +19,8 @@ void world_make(world *w, const shape *s, const vocc_build_options *build);
 /* The same with a tree of at most so many pairs of nodes; 0: no limit. */
 void world_limited(world *w, const shape *s, const vocc_build_options *build,
                    size_t most_pairs);
+/* The same with a tree as meshes of many triangles have it. */
+void world_coarse(world *w, const shape *s);
 /* Frees the scene; anything not freed is a failure. */
 void world_free(world *w);
 

@@ -202,7 +202,7 @@ def test_names_and_flags_of_meshes() -> None:
     [
         ("threads", [0, -1, 257, 2**40]),
         ("traversal_cost", [0, -1, np.nan, np.inf]),
-        ("intersection_cost", [0, -1, np.nan, np.inf]),
+        ("intersection_cost", [-1, np.nan, np.inf]),
         ("empty_bonus", [-0.1, 1.1, np.nan]),
         ("max_leaf_size", [0, -1, 2**20 + 1, 2**40]),
         ("max_depth", [-1, 61, 2**40]),

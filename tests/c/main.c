@@ -4,7 +4,8 @@
  *   run --list       their names
  *   run --only NAME  those whose name begins with NAME (may be repeated)
  *
- * VOCC_TEST_SCALE=0.1 in the environment runs a tenth of the rays.  Ends with
+ * VOCC_TEST_SCALE=0.1 in the environment runs a tenth of the rays; a test that
+ * scales and then compares nothing fails.  Ends with
  * the line "N passed, N failed"; exit code 1 if a test failed, 2 if the
  * command line is wrong or names no test. */
 #if !defined(_WIN32)
@@ -41,6 +42,7 @@ static struct {
     const char *context;
     uint64_t compared;
     double scale;
+    int is_scaled; /* the running test has asked for it */
 } runner;
 
 static int is_sanitized(void)
@@ -129,7 +131,14 @@ void test_compared(uint64_t answers)
 size_t test_scaled(size_t count, size_t least)
 {
     const double scaled = (double)count * runner.scale;
+    runner.is_scaled = 1;
     return scaled > (double)least ? (size_t)scaled : least;
+}
+
+int test_share(size_t turn)
+{
+    runner.is_scaled = 1;
+    return (double)(turn % TEST_SHARES) < runner.scale * TEST_SHARES;
 }
 
 void test_check_int(const char *file, int line, const char *what,
@@ -199,9 +208,12 @@ static int run_one(const test_case *test)
     runner.failures = 0;
     runner.context = NULL;
     runner.compared = 0;
+    runner.is_scaled = 0;
     const double start = seconds();
     if (setjmp(runner.leave) == 0)
         test->run();
+    if (runner.is_scaled && !runner.compared && !runner.failures)
+        test_fail(__FILE__, __LINE__, "nothing was compared");
     if (runner.failures > FAILURES_PRINTED)
         printf("  and %d more\n", runner.failures - FAILURES_PRINTED);
     printf("%-6s %-32s %6.2f s", runner.failures ? "FAILED" : "ok", test->name,
@@ -234,7 +246,7 @@ int main(int argc, char **argv)
         }
     }
 
-    runner.scale = is_thread_sanitized() ? 0.05 : is_sanitized() ? 0.3 : 1.0;
+    runner.scale = is_thread_sanitized() ? 0.05 : is_sanitized() ? 0.1 : 1.0;
     const char *scale = getenv("VOCC_TEST_SCALE");
     if (scale && atof(scale) > 0.0)
         runner.scale = atof(scale);

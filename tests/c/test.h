@@ -70,6 +70,13 @@ void test_compared(uint64_t answers);
  * less than 1 under a sanitizer.  Never below `least`. */
 size_t test_scaled(size_t count, size_t least);
 
+/* For tests that ask each of many shapes in each of many ways: whether the one
+ * with the number `turn`, say shape + way, is made in this configuration.  All
+ * are at full scale, one of so many at least; a prime, so that the share meets
+ * every other choice that goes by number. */
+#define TEST_SHARES 7
+int test_share(size_t turn);
+
 /* Under a sanitizer everything takes longer and more memory. */
 int test_is_sanitized(void);
 

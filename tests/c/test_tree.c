@@ -556,6 +556,18 @@ static void flood_is_one_ray_a_leaf(void)
 /* ---- grown occluders ------------------------------------------------------
  */
 
+/* Whether a plane of the box has all of the triangle beyond it. */
+static int is_beside(const float c[9], const vocc_opaque *box)
+{
+    for (int k = 0; k < 3; k++)
+        if ((c[k] <= box->lower[k] && c[3 + k] <= box->lower[k] &&
+             c[6 + k] <= box->lower[k]) ||
+            (c[k] >= box->upper[k] && c[3 + k] >= box->upper[k] &&
+             c[6 + k] >= box->upper[k]))
+            return 1;
+    return 0;
+}
+
 /* No sampled point of a triangle is inside of a grown box, and its centre is in
  * the region that it stands for. */
 static void grown_boxes_are_free(void)
@@ -586,6 +598,8 @@ static void grown_boxes_are_free(void)
             boxes++;
             for (size_t t = 0; t < tree->triangle_count; t++) {
                 const float *c = tree->corners + 9 * t;
+                if (is_beside(c, box))
+                    continue;
                 for (int j = 0; j < 28; j++) {
                     /* A lattice of 28 points over the triangle. */
                     const int a = (j * 7) % 29 % 8, b = j % 7 % (8 - a);

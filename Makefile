@@ -2,6 +2,7 @@
 #
 #   config=release|debug|sanitize|thread|scalar   how C is compiled (lib, test-c)
 #   CC=, CFLAGS=, LDFLAGS=, PYTHON=               the compiler, more flags, the Python to use
+#   JOBS=                                         how much goes on at once (all cores)
 
 CC ?= cc
 config ?= release
@@ -14,7 +15,9 @@ PYTHON ?= $(or $(shell for p in python3 python3.14 python3.13 python3.12 python3
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help demo test test-aarch64 test-blender test-blender-gui test-blender-all addon bench reproduce lib test-c \
-	lint format env clean FORCE
+	objects lint format env clean FORCE
+# In place of -j, which a make that another one has started inherits.
+AT_ONCE = $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(JOBS))
 
 help:
 	@echo 'make demo       render the soft shadows of three scenes into out/, with and without occluders'
@@ -32,20 +35,21 @@ help:
 	@echo 'make format     format C and Python'
 	@echo 'make env        .venv with the package and all that the other targets need'
 	@echo 'make clean      remove what was built, but not .venv*'
-	@echo 'config=release|debug|sanitize|thread|scalar, CC=, CFLAGS=, LDFLAGS=, PYTHON='
+	@echo 'config=release|debug|sanitize|thread|scalar, CC=, CFLAGS=, LDFLAGS=, PYTHON=, JOBS='
 
 # ---- C -----------------------------------------------------------------------
 
 WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wstrict-prototypes \
 	-Wmissing-prototypes -Wdouble-promotion -Werror
 
-FLAGS_release := -O3
+# What the extension module is linked of as well.
+FLAGS_release := -O3 -fPIC
 FLAGS_debug := -O0 -g
 # -Og and -O1: at -O2 the checks in the inlined kernels take minutes to compile.
 FLAGS_sanitize := -Og -g1 -fno-omit-frame-pointer -fsanitize=address,undefined \
 	-fno-sanitize-recover=all
 FLAGS_thread := -O1 -g1 -fsanitize=thread
-FLAGS_scalar := -O3 -DVOCC_SIMD=0
+FLAGS_scalar := -O2 -DVOCC_SIMD=0
 ifndef FLAGS_$(config)
 $(error config must be release, debug, sanitize, thread or scalar, not '$(config)')
 endif
@@ -59,10 +63,15 @@ TEST_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard tests/c/*.c))
 # The thread sanitizer needs its addresses where it expects them.
 RUN_thread := $(if $(filter thread,$(config)),$(shell setarch -R true 2>/dev/null && echo setarch -R))
 
+# What names a number of threads: in others there is nothing for it to find.
+TESTS_thread := api alloc progress region tree.limit_by_threads oracle.closest_hits_identical identical.threads \
+	light.threads light.neighbours light.verify light_types.all_ways light_types.several_scenes threads \
+	classify_rays cracks.large_sphere hostile
+
 lib: $(BUILD)/libvocc.a
 
 test-c: $(BUILD)/vocc_tests
-	$(RUN_thread) $< $(foreach name,$(ONLY),--only $(name))
+	$(RUN_thread) $< $(foreach name,$(or $(ONLY),$(TESTS_$(config))),--only $(name))
 
 $(BUILD)/libvocc.a: $(LIB_OBJECTS)
 	rm -f $@
@@ -82,6 +91,10 @@ $(BUILD)/flags: FORCE
 		exit 1; }
 	@mkdir -p $(@D)
 	@echo '$(COMPILE)' | cmp -s - $@ || echo '$(COMPILE)' > $@
+
+# For the extension module and the add-on; one make at a time may make them.
+objects:
+	@$(MAKE) --no-print-directory -s $(AT_ONCE) config=release BUILD=build/release build/release/libvocc.a
 
 -include $(wildcard $(BUILD)/csrc/*.d $(BUILD)/tests/c/*.d)
 
@@ -131,9 +144,11 @@ env: .venv/installed
 	$(BIN)/python -m pip --disable-pip-version-check install --quiet -r requirements-dev.txt
 	@touch $@
 
+OBJECTS := VOCC_OBJECTS='$(CURDIR)/build/release/csrc'
+
 # The package itself, in place: Python files count at once, C is compiled again when it changes.
-.venv/installed: .venv/ready setup.py pyproject.toml $(C_SOURCES)
-	CC='$(CC)' $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-build-isolation \
+.venv/installed: .venv/ready setup.py pyproject.toml $(C_SOURCES) | objects
+	CC='$(CC)' $(OBJECTS) $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-build-isolation \
 		--no-deps --editable .
 	@touch $@
 
@@ -149,19 +164,19 @@ reproduce: .venv/installed
 # ---- Blender -----------------------------------------------------------------
 
 # Compiles only what changed, which the script itself knows.
-addon: .venv/ready
-	CC='$(CC)' $(BIN)/python -m tools.build_addon
+addon: .venv/ready | objects
+	CC='$(CC)' $(OBJECTS) $(BIN)/python -m tools.build_addon
 
 # Builds the extension first; a Blender that cannot be had here is skipped, and the end says why.
-test-blender: .venv/ready
-	@CC='$(CC)' $(BIN)/python -m tests.blender.run 4.5 5.2 -- $(ARGS)
+test-blender: .venv/ready | objects
+	@CC='$(CC)' $(OBJECTS) $(BIN)/python -m tests.blender.run 4.5 5.2 -- $(ARGS)
 
-test-blender-all: .venv/ready
-	@CC='$(CC)' $(BIN)/python -m tests.blender.run 4.2 4.5 5.0 5.2 -- $(ARGS)
+test-blender-all: .venv/ready | objects
+	@CC='$(CC)' $(OBJECTS) $(BIN)/python -m tests.blender.run 4.2 4.5 5.0 5.2 -- $(ARGS)
 
 # In a window, with Debian's Blender under Xvfb, where they are installed.
-test-blender-gui: .venv/ready
-	@$(BIN)/python -m tests.blender.gui_smoke || [ $$? -eq 77 ]
+test-blender-gui: .venv/ready | objects
+	@CC='$(CC)' $(OBJECTS) $(BIN)/python -m tests.blender.gui_smoke || [ $$? -eq 77 ]
 
 # ---- checks ------------------------------------------------------------------
 
@@ -178,21 +193,37 @@ format: .venv/ready
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# One after the other, pytest last: its closing line is the last of the output.
-test: .venv/installed
-	@for config in release scalar sanitize thread; do \
-		echo "== C tests: $$config"; \
-		$(MAKE) --no-print-directory -s -j$(JOBS) config=$$config build/$$config/vocc_tests && \
-		$(MAKE) --no-print-directory -s config=$$config test-c || exit 1; \
-	done
-	@echo '== C tests: aarch64'
-	@$(MAKE) --no-print-directory -s -j$(JOBS) test-aarch64
-	@echo '== lint'
-	@$(MAKE) --no-print-directory -s lint
-	@$(MAKE) --no-print-directory -s test-blender ARGS=
-	@$(MAKE) --no-print-directory -s test-blender-gui
-	@echo '== Python tests'
-	@CC='$(CC)' $(BIN)/python -m pytest
+# ---- all tests ---------------------------------------------------------------
+
+# In this order as far as there are cores; what one prints comes when it ends. pytest has all cores.
+STAGES := release scalar blender blender-gui aarch64 sanitize thread lint python
+.PHONY: $(STAGES:%=stage-%)
+
+test:
+	@rm -rf build/test; mkdir -p build/test
+	@$(MAKE) --no-print-directory -s -k $(AT_ONCE) $(if $(filter 1,$(JOBS)),,-Orecurse) $(STAGES:%=stage-%) || true
+	@tests/stage.sh sum $(STAGES)
+
+stage-release stage-scalar stage-sanitize stage-thread: stage-%:
+	@tests/stage.sh run $* $(MAKE) --no-print-directory -s config=$* test-c
+
+stage-aarch64:
+	@tests/stage.sh run aarch64 $(MAKE) --no-print-directory -s test-aarch64
+
+stage-lint stage-blender stage-blender-gui: .venv/ready
+stage-release stage-blender: | objects
+# Two of them at once would build the extension in one place; the window wants it built.
+stage-blender: | .venv/installed
+stage-blender-gui: | stage-blender
+
+stage-lint:
+	@tests/stage.sh run lint $(MAKE) --no-print-directory -s lint
+
+stage-blender stage-blender-gui: stage-%:
+	@tests/stage.sh run $* $(MAKE) --no-print-directory -s test-$* ARGS=
+
+stage-python: .venv/installed | $(patsubst %,stage-%,$(filter-out python,$(STAGES)))
+	@CC='$(CC)' tests/stage.sh run python $(BIN)/python -m pytest $(if $(filter 1,$(JOBS)),,-n $(JOBS) --dist loadfile)
 
 clean:
 	rm -rf build dist out *.egg-info pyvocc/_vocc*.so .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -344,7 +344,8 @@ static void beams_count_what_rays_do(void)
     enum { LIGHTS = 10 };
     test_random random = random_seed(31);
     decided sum = {0, 0, 0};
-    for (size_t i = 0; i < test_scaled(4 * shape_count(), shape_count()); i++) {
+    for (size_t i = 0; i < test_scaled(4 * shape_count(), shape_count() / 2);
+         i++) {
         shape s;
         receivers r;
         vocc_light lights[LIGHTS];

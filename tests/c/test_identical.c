@@ -148,7 +148,8 @@ static void threads(void)
         vocc_counters counters[2];
         for (size_t k = 0; k < modes.count; k++) {
             const mode *m = &modes.modes[k];
-            if (m->order == VOCC_ORDER_AUTO || (!m->packets && k % 3))
+            if (m->order == VOCC_ORDER_AUTO || (!m->packets && k % 3) ||
+                !test_share(n + k))
                 continue;
             trace(&w, &set, m, actual, NULL);
             compare_answers(__FILE__, __LINE__, s.name, &set, m, actual,

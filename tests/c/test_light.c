@@ -302,7 +302,7 @@ static void neighbours(void)
             vocc_light moved[LIGHTS];
             const int32_t samples =
                 (i + kind) % 2 ? 4 : many[(i + kind) / 2 % 5];
-            if (kind > 1 && kind % 3 != i % 3)
+            if ((kind > 1 || !test_share(1)) && kind % 3 != i % 3)
                 continue;
             test_context(shape_name(i));
             shape_make(&s, i, 1);

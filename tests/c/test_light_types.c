@@ -520,7 +520,10 @@ static void several_scenes(void)
                                             ids, 0.5, &sampling, visible, NULL,
                                             NULL, &error),
                      &error, VOCC_OK);
-        for (int way = 1; way < WAYS; way += RAY_WAYS - 1) {
+        for (int turn = 0; turn < 3; turn++) {
+            const int way = 1 + turn * (RAY_WAYS - 1);
+            if (!test_share(i + (size_t)turn))
+                continue;
             memset(bits, 0, BYTES * r.count);
             for (size_t half = 0; half < 2; half++) {
                 vocc_scene *scene = half_scene(&s, half);

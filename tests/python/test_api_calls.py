@@ -166,7 +166,9 @@ def test_other_threads_run_during_a_call(torus: pyvocc.Scene) -> None:
 # ---- Ctrl-C ------------------------------------------------------------------
 
 INTERRUPTED = """
-import sys, time
+import signal, sys, time
+# Where the tests run in the background of a shell, SIGINT is ignored and inherited so.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, {tests!r})
 import numpy as np, pyvocc, shapes
 light = pyvocc.RectLight((-1, 3, -1), (2, 0, 0), (0, 0, 2))

@@ -18,7 +18,9 @@ class BuildExt(build_ext):
         if folder:
             compiled = [source for source in ext.sources if Path(source).parent.name == "csrc"]
             ext.sources = [source for source in ext.sources if source not in compiled]
-            ext.extra_objects += [str(Path(folder, Path(each).stem + ".o")) for each in compiled]
+            objects = [str(Path(folder, Path(each).stem + ".o")) for each in compiled]
+            ext.extra_objects += objects
+            ext.depends += objects
         super().build_extension(ext)
 
 

@@ -6,6 +6,13 @@
 set -u
 folder=build/test
 
+# How long a stage has taken, and of one processor: of several at once each has a share.
+seconds() {
+	[ -f "$folder/$1.seconds" ] || return 0
+	printf '%5d s, %5d s CPU' "$(cat "$folder/$1.seconds")" \
+		"$(tail -n 1 "$folder/$1.times" | tr 'ms' '  ' | awk '{printf "%d", 60 * ($1 + $3) + $2 + $4}')"
+}
+
 # The lines of a stage that say what it did.
 words() {
 	grep -E '^(Blender|C tests) .*: |^[0-9]+ passed, ' "$folder/$1.log" ||
@@ -22,6 +29,7 @@ run)
 	{
 		"$@" 2>&1
 		echo $? >"$folder/$name.code"
+		times >"$folder/$name.times"
 	} | tee "$folder/$name.log"
 	echo $(($(date +%s) - start)) >"$folder/$name.seconds"
 	;;
@@ -47,7 +55,7 @@ sum)
 				outcome=skipped
 			fi
 		fi
-		printf '%-8s %-12s %5s s\n' "$outcome" "$name" "$(cat "$folder/$name.seconds" 2>/dev/null || echo 0)"
+		printf '%-8s %-12s %s\n' "$outcome" "$name" "$(seconds "$name")"
 		echo "$said" | sed 's/^/         /'
 	done
 	echo "stages: $passed passed, $failed failed, $skipped skipped"

@@ -223,7 +223,7 @@ stage-blender stage-blender-gui: stage-%:
 	@tests/stage.sh run $* $(MAKE) --no-print-directory -s test-$* ARGS=
 
 stage-python: .venv/installed | $(patsubst %,stage-%,$(filter-out python,$(STAGES)))
-	@CC='$(CC)' tests/stage.sh run python $(BIN)/python -m pytest $(if $(filter 1,$(JOBS)),,-n $(JOBS) --dist loadfile)
+	@CC='$(CC)' $(OBJECTS) tests/stage.sh run python $(BIN)/python -m pytest $(if $(filter 1,$(JOBS)),,-n $(JOBS) --dist loadfile)
 
 clean:
 	rm -rf build dist out *.egg-info pyvocc/_vocc*.so .pytest_cache .mypy_cache .ruff_cache .hypothesis

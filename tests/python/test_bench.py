@@ -4,7 +4,9 @@ tell of them.  Nothing here is timed."""
 from __future__ import annotations
 
 import json
+import os
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,9 +29,14 @@ Floats = NDArray[np.float32]
 
 
 @pytest.fixture(scope="module")
-def embree() -> bool:
+def embree() -> Iterator[bool]:
     """Builds the programs; whether Embree's is one of them."""
-    return programs.build()
+    with pytest.MonkeyPatch.context() as patch:
+        if "VOCC_OBJECTS" in os.environ:
+            # Of the library that `make test` has compiled, and not in place of those that measure.
+            patch.setattr(programs, "BUILD", programs.ROOT / "build" / "test" / "bench")
+            patch.setenv("MAKEFLAGS", "BUILD=build/test/bench LIBRARY=build/release/libvocc.a")
+        yield programs.build()
 
 
 @pytest.fixture(scope="module")

@@ -64,9 +64,9 @@ TEST_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard tests/c/*.c))
 RUN_thread := $(if $(filter thread,$(config)),$(shell setarch -R true 2>/dev/null && echo setarch -R))
 
 # What names a number of threads: in others there is nothing for it to find.
-TESTS_thread := api alloc progress region tree.limit_by_threads oracle.closest_hits_identical identical.threads \
-	light.threads light.neighbours light.verify light_types.all_ways light_types.several_scenes threads \
-	classify_rays cracks.large_sphere hostile
+TESTS_thread := api alloc.build_threaded alloc.queries progress region.winding_numbers region.same_tree \
+	tree.limit_by_threads oracle.closest_hits_identical identical.threads light.threads light.neighbours \
+	light.verify light_types.all_ways light_types.several_scenes threads classify_rays hostile.all_identical
 
 lib: $(BUILD)/libvocc.a
 
@@ -105,8 +105,8 @@ objects:
 AARCH64_CC ?= aarch64-linux-gnu-gcc
 AARCH64_RUN ?= qemu-aarch64
 AARCH64_TESTS := api isa wide oracle.occluded_exact oracle.grids oracle.magnitudes \
-	oracle.closest_hits_identical identical.all_modes identical.without_occluders \
-	identical.at_occluders identical.layouts identical.far_away light.all_options light_types.all_ways
+	oracle.closest_hits_identical identical.all_modes identical.at_occluders identical.layouts \
+	identical.far_away light.all_options light_types.all_ways
 
 # NEON is optimised as ever; the plain kernels, which release tests as they are, would take most of the time.
 build/aarch64/csrc/traverse_plain4.o build/aarch64/csrc/beam_plain.o: private COMPILE += -Og

@@ -61,21 +61,6 @@ static int is_sanitized(void)
 #endif
 }
 
-static int is_thread_sanitized(void)
-{
-#if defined(__SANITIZE_THREAD__)
-    return 1;
-#elif defined(__has_feature)
-#if __has_feature(thread_sanitizer)
-    return 1;
-#else
-    return 0;
-#endif
-#else
-    return 0;
-#endif
-}
-
 int test_is_sanitized(void)
 {
     return is_sanitized();
@@ -246,7 +231,7 @@ int main(int argc, char **argv)
         }
     }
 
-    runner.scale = is_thread_sanitized() ? 0.05 : is_sanitized() ? 0.1 : 1.0;
+    runner.scale = is_sanitized() ? 0.05 : 1.0;
     const char *scale = getenv("VOCC_TEST_SCALE");
     if (scale && atof(scale) > 0.0)
         runner.scale = atof(scale);

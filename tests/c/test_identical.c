@@ -58,7 +58,7 @@ static void check_counters(const mode *m, const vocc_counters *c, size_t count,
 static void all_modes(void)
 {
     mode_list modes = modes_of(all_caches, all_deferments, one_thread);
-    const size_t stride = modes.count / test_scaled(modes.count, 90);
+    const size_t stride = modes.count / test_scaled(modes.count, 45);
     vocc_counters sum;
     memset(&sum, 0, sizeof(sum));
     for (size_t i = 0; i < shape_count(); i++) {
@@ -332,12 +332,12 @@ static void at_occluders(void)
         CHECK_INT(vocc_scene_leaves(w.scene, count, leaves, &count, NULL),
                   VOCC_OK);
         rays_init(&set);
-        rays_at_leaves(&set, leaves, count, test_scaled(800, 100));
+        rays_at_leaves(&set, leaves, count, test_scaled(800, 50));
         for (size_t k = 0; k < count; k++)
             if (leaves[k].label == VOCC_OPAQUE)
                 leaves[opaque++] = leaves[k];
         if (opaque)
-            rays_at_leaves(&set, leaves, opaque, test_scaled(1200, 150));
+            rays_at_leaves(&set, leaves, opaque, test_scaled(1200, 75));
         uint8_t *expected = malloc(set.count), *actual = malloc(set.count);
         REQUIRE(expected && actual);
         for (size_t k = 0; k < set.count; k++)

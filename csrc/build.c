@@ -489,10 +489,10 @@ static vocc_status join(forest *f, int threads, vocc_ticker *ticker)
             if (t->depth > tree->depth)
                 tree->depth = t->depth;
         }
-    tree->nodes =
-        vocc_allocate(f->allocator, tree->node_count, sizeof *tree->nodes);
-    tree->references = vocc_allocate(f->allocator, tree->reference_count,
-                                     sizeof *tree->references);
+    tree->nodes = vocc_allocate_lasting(f->allocator, tree->node_count,
+                                        sizeof *tree->nodes);
+    tree->references = vocc_allocate_lasting(
+        f->allocator, tree->reference_count, sizeof *tree->references);
     if (!tree->nodes || !tree->references)
         return VOCC_ERROR_OUT_OF_MEMORY;
     memset(tree->nodes, 0, 2 * sizeof *tree->nodes);
@@ -531,8 +531,8 @@ static vocc_status sort_triangles(forest *f, size_t count, int threads,
     uint32_t *number = vocc_allocate(f->allocator, count, sizeof *number);
     size_t i, next = 0;
     /* One float more: SIMD loads the last corner as four. */
-    tree->corners =
-        vocc_allocate(f->allocator, 9 * count + 1, sizeof *tree->corners);
+    tree->corners = vocc_allocate_lasting(f->allocator, 9 * count + 1,
+                                          sizeof *tree->corners);
     tree->ids = vocc_allocate(f->allocator, count, sizeof *tree->ids);
     if (!number || !tree->corners || !tree->ids) {
         vocc_release(f->allocator, number);

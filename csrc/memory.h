@@ -16,6 +16,11 @@ VOCC_INTERNAL void *vocc_allocate(const vocc_allocator *allocator, size_t count,
 /* Frees what vocc_allocate gave; NULL does nothing. */
 VOCC_INTERNAL void vocc_release(const vocc_allocator *allocator, void *memory);
 
+/* The same as vocc_allocate, for what queries read again and again: in large
+ * pages where there are any. */
+VOCC_INTERNAL void *vocc_allocate_lasting(const vocc_allocator *allocator,
+                                          size_t count, size_t size);
+
 /* The same, at a multiple of VOCC_LINE: what is loaded 16 values at a time then
  * comes from one cache line each. */
 VOCC_INTERNAL void *vocc_allocate_lines(const vocc_allocator *allocator,

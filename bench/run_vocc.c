@@ -383,7 +383,15 @@ static void vb_count(void *prepared, dr_job *job, FILE *json)
                {"entry_dark_rays", c.entry_dark_rays},
                {"entry_few_rays", c.entry_few_rays},
                {"voxel_lit_rays", c.voxel_lit_rays},
-               {"voxel_dark_rays", c.voxel_dark_rays}};
+               {"voxel_dark_rays", c.voxel_dark_rays},
+               {"beam_lit_rays", c.beam_lit_rays},
+               {"beam_dark_rays", c.beam_dark_rays},
+               {"beam_tested_rays", c.beam_tested_rays},
+               {"beam_box_rays", c.beam_box_rays},
+               {"beams", c.beams},
+               {"beam_nodes", c.beam_nodes},
+               {"beam_clusters", c.beam_clusters},
+               {"beam_tests", c.beam_tests}};
     for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
         fprintf(json, "%s\"%s\": %" PRIu64, i > 0 ? ", " : "", all[i].name,
                 all[i].value);

@@ -30,6 +30,7 @@
 #include "shaft.h"
 #include "traverse.h"
 #include "view.h"
+#include "worth.h"
 
 enum {
     VOCC_BEAM_POINTS = 256,
@@ -105,6 +106,7 @@ typedef struct vocc_beam {
 
     uint32_t stack[VOCC_BEAM_STACK];
     vocc_walks walks;
+    vocc_worth worth;
     /* Segments that may meet 16 clusters, and one of these. */
     int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE + 1];
     uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];

@@ -519,6 +519,7 @@ static vocc_status trace_rays(void *context, size_t job, int worker,
     vocc_tracer_forget(w->tracer);
     if (q->beams) {
         const vocc_status status = sort_rays(q, job, count, worker, &order);
+        vocc_worth_begin(&q->beams[worker].worth);
         if (status != VOCC_OK)
             return status;
     }

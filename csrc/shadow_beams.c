@@ -198,6 +198,7 @@ vocc_status vocc_shadow_beams(vocc_lighting *g)
     g->beam_kernels = w.kernels;
     w.counters = &g->worker->tracer->counters;
     memset(w.room->outside, 0, sizeof w.room->outside);
+    vocc_worth_begin(&w.room->beam.worth);
     for (first = 0; first < lights && status == VOCC_OK;
          first += VOCC_BEAM_LIGHTS) {
         const size_t end = first + VOCC_BEAM_LIGHTS < lights

@@ -33,7 +33,7 @@ static const test_case *const tables[] = {
     test_cracks_cases,         test_hostile_cases,
     test_threads_cases,        test_classify_rays_cases,
     test_worked_example_cases, test_isa_cases,
-    test_wide_cases,
+    test_wide_cases,           test_worth_cases,
 };
 
 static struct {

@@ -33,6 +33,7 @@ extern const test_case test_threads_cases[];
 extern const test_case test_classify_rays_cases[];
 extern const test_case test_wide_cases[];
 extern const test_case test_worked_example_cases[];
+extern const test_case test_worth_cases[];
 
 /* Records a failure of the running test.  After a number of them in one test
  * the others are counted but not printed. */

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 GO = Path(os.environ["VOCC_GO"])
@@ -23,6 +22,9 @@ sys.dont_write_bytecode = True
 sys.path[:0] = [os.environ["VOCC_SITE"]]
 # The checkout last, so that pyvocc is the wheel's.
 sys.path.append(str(ROOT))
+
+# NumPy is there too where Blender's Python has none.
+import numpy as np  # noqa: E402
 
 data = importlib.import_module("blender_addon.data")
 engine = importlib.import_module("blender_addon.engine")

@@ -1,6 +1,9 @@
 /* Sixteen floats in an AVX-512 register.  The interface that all wide_*.h
  * have:
  * - wfloat, 16 lanes; masks are the low 16 bits of an unsigned, lane 0 lowest;
+ * - pfloat, VOCC_PART lanes of a wfloat, as many as a register has, with the
+ *   same operations, p for w: where 16 lanes in several registers would be too
+ *   many of them, loops go over the parts;
  * - wfma(a, b, c) is a * b + c, with one rounding or two: what is computed with
  *   it has to allow for either; wnfma(a, b, c) is c - a * b;
  * - wmin and wmax give b where a lane is NaN;
@@ -121,5 +124,7 @@ VOCC_INLINE float whighest(wfloat a)
 {
     return _mm512_reduce_max_ps(a);
 }
+
+#include "wide_whole.h"
 
 #endif

@@ -8,12 +8,19 @@
 
 #include <arm_neon.h>
 
+typedef float32x4_t pfloat;
+enum { VOCC_PART = 4, VOCC_PART_BITS = 0xf };
+
 typedef struct wfloat {
-    float32x4_t a, b, c, d;
+    pfloat a, b, c, d;
 } wfloat;
 
 #define VOCC_WIDE_BINARY(name, function)                                       \
-    VOCC_INLINE wfloat name(wfloat x, wfloat y)                                \
+    VOCC_INLINE pfloat p##name(pfloat x, pfloat y)                             \
+    {                                                                          \
+        return function(x, y);                                                 \
+    }                                                                          \
+    VOCC_INLINE wfloat w##name(wfloat x, wfloat y)                             \
     {                                                                          \
         wfloat r;                                                              \
         r.a = function(x.a, y.a);                                              \
@@ -25,7 +32,11 @@ typedef struct wfloat {
 
 /* The intrinsics have the sum's other term first. */
 #define VOCC_WIDE_TERNARY(name, intrinsic)                                     \
-    VOCC_INLINE wfloat name(wfloat x, wfloat y, wfloat z)                      \
+    VOCC_INLINE pfloat p##name(pfloat x, pfloat y, pfloat z)                   \
+    {                                                                          \
+        return intrinsic(z, x, y);                                             \
+    }                                                                          \
+    VOCC_INLINE wfloat w##name(wfloat x, wfloat y, wfloat z)                   \
     {                                                                          \
         wfloat r;                                                              \
         r.a = intrinsic(z.a, x.a, y.a);                                        \
@@ -36,7 +47,11 @@ typedef struct wfloat {
     }
 
 #define VOCC_WIDE_COMPARE(name, intrinsic)                                     \
-    VOCC_INLINE unsigned name(wfloat x, wfloat y)                              \
+    VOCC_INLINE unsigned p##name(pfloat x, pfloat y)                           \
+    {                                                                          \
+        return vocc_part_bits(intrinsic(x, y));                                \
+    }                                                                          \
+    VOCC_INLINE unsigned w##name(wfloat x, wfloat y)                           \
     {                                                                          \
         return vocc_wide_bits(intrinsic(x.a, y.a), intrinsic(x.b, y.b),        \
                               intrinsic(x.c, y.c), intrinsic(x.d, y.d));       \
@@ -71,16 +86,42 @@ VOCC_INLINE unsigned vocc_wide_bits(uint32x4_t a, uint32x4_t b, uint32x4_t c,
            (unsigned)vaddv_u8(vget_high_u8(bits)) << 8;
 }
 
-VOCC_WIDE_BINARY(wadd, vaddq_f32)
-VOCC_WIDE_BINARY(wsub, vsubq_f32)
-VOCC_WIDE_BINARY(wmul, vmulq_f32)
-VOCC_WIDE_BINARY(wdiv, vdivq_f32)
-VOCC_WIDE_BINARY(wmin, vocc_wide_min)
-VOCC_WIDE_BINARY(wmax, vocc_wide_max)
-VOCC_WIDE_TERNARY(wfma, vfmaq_f32)
-VOCC_WIDE_TERNARY(wnfma, vfmsq_f32)
-VOCC_WIDE_COMPARE(wlt, vcltq_f32)
-VOCC_WIDE_COMPARE(wle, vcleq_f32)
+VOCC_INLINE unsigned vocc_part_bits(uint32x4_t mask)
+{
+    static const uint32_t each[4] = {1, 2, 4, 8};
+    return vaddvq_u32(vandq_u32(mask, vld1q_u32(each)));
+}
+
+VOCC_WIDE_BINARY(add, vaddq_f32)
+VOCC_WIDE_BINARY(sub, vsubq_f32)
+VOCC_WIDE_BINARY(mul, vmulq_f32)
+VOCC_WIDE_BINARY(div, vdivq_f32)
+VOCC_WIDE_BINARY(min, vocc_wide_min)
+VOCC_WIDE_BINARY(max, vocc_wide_max)
+VOCC_WIDE_TERNARY(fma, vfmaq_f32)
+VOCC_WIDE_TERNARY(nfma, vfmsq_f32)
+VOCC_WIDE_COMPARE(lt, vcltq_f32)
+VOCC_WIDE_COMPARE(le, vcleq_f32)
+
+VOCC_INLINE pfloat pload(const float *p)
+{
+    return vld1q_f32(p);
+}
+
+VOCC_INLINE void pstore(float *p, pfloat x)
+{
+    vst1q_f32(p, x);
+}
+
+VOCC_INLINE pfloat pset(float x)
+{
+    return vdupq_n_f32(x);
+}
+
+VOCC_INLINE pfloat pabs(pfloat x)
+{
+    return vabsq_f32(x);
+}
 
 VOCC_INLINE wfloat wload(const float *p)
 {
@@ -114,6 +155,22 @@ VOCC_INLINE wfloat wabs(wfloat x)
     x.c = vabsq_f32(x.c);
     x.d = vabsq_f32(x.d);
     return x;
+}
+
+VOCC_INLINE pfloat pselect(unsigned bits, pfloat yes, pfloat no)
+{
+    static const uint32_t each[4] = {1, 2, 4, 8};
+    return vbslq_f32(vtstq_u32(vdupq_n_u32(bits), vld1q_u32(each)), yes, no);
+}
+
+VOCC_INLINE float plowest(pfloat x)
+{
+    return vminvq_f32(x);
+}
+
+VOCC_INLINE float phighest(pfloat x)
+{
+    return vmaxvq_f32(x);
 }
 
 VOCC_INLINE wfloat wselect(unsigned bits, wfloat yes, wfloat no)

@@ -1,6 +1,9 @@
 /* Sixteen floats in plain C: the reference of wide_*.h, which all have this
  * interface:
  * - wfloat, 16 lanes; masks are the low 16 bits of an unsigned, lane 0 lowest;
+ * - pfloat, VOCC_PART lanes of a wfloat, as many as a register has, with the
+ *   same operations, p for w: where 16 lanes in several registers would be too
+ *   many of them, loops go over the parts;
  * - wfma(x, y, z) is x * y + z, with one rounding or two: what is computed with
  *   it has to allow for either; wnfma(x, y, z) is z - x * y;
  * - wmin and wmax give their second operand where either is NaN, or both are 0;
@@ -132,5 +135,7 @@ VOCC_INLINE float whighest(wfloat a)
 #undef VOCC_WIDE_BINARY
 #undef VOCC_WIDE_TERNARY
 #undef VOCC_WIDE_COMPARE
+
+#include "wide_whole.h"
 
 #endif

@@ -8,12 +8,19 @@
 
 #include <emmintrin.h>
 
+typedef __m128 pfloat;
+enum { VOCC_PART = 4, VOCC_PART_BITS = 0xf };
+
 typedef struct wfloat {
-    __m128 a, b, c, d;
+    pfloat a, b, c, d;
 } wfloat;
 
 #define VOCC_WIDE_BINARY(name, intrinsic)                                      \
-    VOCC_INLINE wfloat name(wfloat x, wfloat y)                                \
+    VOCC_INLINE pfloat p##name(pfloat x, pfloat y)                             \
+    {                                                                          \
+        return intrinsic(x, y);                                                \
+    }                                                                          \
+    VOCC_INLINE wfloat w##name(wfloat x, wfloat y)                             \
     {                                                                          \
         wfloat r;                                                              \
         r.a = intrinsic(x.a, y.a);                                             \
@@ -24,7 +31,11 @@ typedef struct wfloat {
     }
 
 #define VOCC_WIDE_COMPARE(name, intrinsic)                                     \
-    VOCC_INLINE unsigned name(wfloat x, wfloat y)                              \
+    VOCC_INLINE unsigned p##name(pfloat x, pfloat y)                           \
+    {                                                                          \
+        return (unsigned)_mm_movemask_ps(intrinsic(x, y));                     \
+    }                                                                          \
+    VOCC_INLINE unsigned w##name(wfloat x, wfloat y)                           \
     {                                                                          \
         return vocc_wide_bits(intrinsic(x.a, y.a), intrinsic(x.b, y.b),        \
                               intrinsic(x.c, y.c), intrinsic(x.d, y.d));       \
@@ -41,14 +52,44 @@ VOCC_INLINE unsigned vocc_wide_bits(__m128 a, __m128 b, __m128 c, __m128 d)
     return (unsigned)_mm_movemask_epi8(_mm_packs_epi16(low, high));
 }
 
-VOCC_WIDE_BINARY(wadd, _mm_add_ps)
-VOCC_WIDE_BINARY(wsub, _mm_sub_ps)
-VOCC_WIDE_BINARY(wmul, _mm_mul_ps)
-VOCC_WIDE_BINARY(wdiv, _mm_div_ps)
-VOCC_WIDE_BINARY(wmin, _mm_min_ps)
-VOCC_WIDE_BINARY(wmax, _mm_max_ps)
-VOCC_WIDE_COMPARE(wlt, _mm_cmplt_ps)
-VOCC_WIDE_COMPARE(wle, _mm_cmple_ps)
+VOCC_WIDE_BINARY(add, _mm_add_ps)
+VOCC_WIDE_BINARY(sub, _mm_sub_ps)
+VOCC_WIDE_BINARY(mul, _mm_mul_ps)
+VOCC_WIDE_BINARY(div, _mm_div_ps)
+VOCC_WIDE_BINARY(min, _mm_min_ps)
+VOCC_WIDE_BINARY(max, _mm_max_ps)
+VOCC_WIDE_COMPARE(lt, _mm_cmplt_ps)
+VOCC_WIDE_COMPARE(le, _mm_cmple_ps)
+
+VOCC_INLINE pfloat pload(const float *p)
+{
+    return _mm_loadu_ps(p);
+}
+
+VOCC_INLINE void pstore(float *p, pfloat x)
+{
+    _mm_storeu_ps(p, x);
+}
+
+VOCC_INLINE pfloat pset(float x)
+{
+    return _mm_set1_ps(x);
+}
+
+VOCC_INLINE pfloat pfma(pfloat x, pfloat y, pfloat z)
+{
+    return _mm_add_ps(_mm_mul_ps(x, y), z);
+}
+
+VOCC_INLINE pfloat pnfma(pfloat x, pfloat y, pfloat z)
+{
+    return _mm_sub_ps(z, _mm_mul_ps(x, y));
+}
+
+VOCC_INLINE pfloat pabs(pfloat x)
+{
+    return _mm_andnot_ps(_mm_set1_ps(-0.0f), x);
+}
 
 VOCC_INLINE wfloat wload(const float *p)
 {
@@ -104,6 +145,12 @@ VOCC_INLINE __m128 vocc_wide_choose(__m128i bits, __m128i wanted, __m128 yes,
     return _mm_or_ps(_mm_and_ps(mask, yes), _mm_andnot_ps(mask, no));
 }
 
+VOCC_INLINE pfloat pselect(unsigned bits, pfloat yes, pfloat no)
+{
+    return vocc_wide_choose(_mm_set1_epi32((int)bits),
+                            _mm_setr_epi32(1, 2, 4, 8), yes, no);
+}
+
 VOCC_INLINE wfloat wselect(unsigned bits, wfloat yes, wfloat no)
 {
     const __m128i all = _mm_set1_epi32((int)bits);
@@ -118,20 +165,28 @@ VOCC_INLINE wfloat wselect(unsigned bits, wfloat yes, wfloat no)
     return r;
 }
 
-VOCC_INLINE float wlowest(wfloat x)
+VOCC_INLINE float plowest(pfloat x)
 {
-    __m128 m = _mm_min_ps(_mm_min_ps(x.a, x.b), _mm_min_ps(x.c, x.d));
-    m = _mm_min_ps(m, _mm_movehl_ps(m, m));
+    const __m128 m = _mm_min_ps(x, _mm_movehl_ps(x, x));
     return _mm_cvtss_f32(
         _mm_min_ss(m, _mm_shuffle_ps(m, m, _MM_SHUFFLE(1, 1, 1, 1))));
 }
 
-VOCC_INLINE float whighest(wfloat x)
+VOCC_INLINE float phighest(pfloat x)
 {
-    __m128 m = _mm_max_ps(_mm_max_ps(x.a, x.b), _mm_max_ps(x.c, x.d));
-    m = _mm_max_ps(m, _mm_movehl_ps(m, m));
+    const __m128 m = _mm_max_ps(x, _mm_movehl_ps(x, x));
     return _mm_cvtss_f32(
         _mm_max_ss(m, _mm_shuffle_ps(m, m, _MM_SHUFFLE(1, 1, 1, 1))));
+}
+
+VOCC_INLINE float wlowest(wfloat x)
+{
+    return plowest(_mm_min_ps(_mm_min_ps(x.a, x.b), _mm_min_ps(x.c, x.d)));
+}
+
+VOCC_INLINE float whighest(wfloat x)
+{
+    return phighest(_mm_max_ps(_mm_max_ps(x.a, x.b), _mm_max_ps(x.c, x.d)));
 }
 
 #undef VOCC_WIDE_BINARY

@@ -14,19 +14,20 @@ typedef struct wide_results {
     uint32_t numbers[16];
 } wide_results;
 
-/* a, b, c: 16 lanes, unaligned. */
+/* a, b, c: 16 lanes, unaligned.  out[0]: of all lanes at once, out[1]: of parts
+ * (nothing packed). */
 typedef void (*wide_fn)(const float *a, const float *b, const float *c,
-                        unsigned bits, wide_results *out);
+                        unsigned bits, wide_results out[2]);
 
 void wide_plain(const float *a, const float *b, const float *c, unsigned bits,
-                wide_results *out);
+                wide_results out[2]);
 void wide_sse2(const float *a, const float *b, const float *c, unsigned bits,
-               wide_results *out);
+               wide_results out[2]);
 void wide_avx2(const float *a, const float *b, const float *c, unsigned bits,
-               wide_results *out);
+               wide_results out[2]);
 void wide_avx512(const float *a, const float *b, const float *c, unsigned bits,
-                 wide_results *out);
+                 wide_results out[2]);
 void wide_neon(const float *a, const float *b, const float *c, unsigned bits,
-               wide_results *out);
+               wide_results out[2]);
 
 #endif

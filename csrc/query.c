@@ -118,6 +118,7 @@ vocc_status vocc_query_begin(vocc_query *query, const vocc_scene *scene,
     }
     if (query->options.entry_points < 0)
         query->options.entry_points = query->options.order == VOCC_ORDER_AUTO;
+    query->occluders = query->options.occluders;
     if (query->options.order == VOCC_ORDER_AUTO) {
         query->options.order = scene->built.report.auto_order;
         if (!scene->built.auto_occluders)
@@ -429,8 +430,8 @@ static void trace_wide(const ray_query *q, int worker)
     uint16_t odd[VOCC_BLOCK];
     const uint64_t nodes = b->nodes, clusters = b->clusters,
                    tests = b->ray_tests, exact = b->exact_tests;
-    const size_t count = q->beam_kernels->trace_rays(
-        b, w->block, q->query.options.occluders, odd);
+    const size_t count =
+        q->beam_kernels->trace_rays(b, w->block, q->query.occluders, odd);
     size_t i;
     for (i = 0; i < count; i++) {
         w->block->occluded[odd[i]] = 0;

@@ -17,6 +17,8 @@ typedef struct vocc_worker {
 typedef struct vocc_query {
     const vocc_scene *scene;
     vocc_query_options options; /* checked; no zeros or AUTO left */
+    int32_t occluders; /* for the hierarchies: as asked, where options.occluders
+                          is for the kd-tree, whose order AUTO chooses */
     const vocc_kernels *kernels;
     vocc_worker workers[VOCC_MAX_THREADS];
     int worker_count;

@@ -97,7 +97,7 @@ static int is_dark(const vocc_beaming *w, const vocc_beam_boxes *from,
     const int32_t region = w->light->target.region;
     int k, n;
     to->count = 0;
-    if (region < 0 || !w->g->s->query.options.occluders)
+    if (region < 0 || !w->g->s->query.occluders)
         return 0;
     if (!from && w->kernels->hold(b, recent, region, to))
         return 1;
@@ -216,7 +216,7 @@ static vocc_status trace_block(const vocc_beaming *w, const uint32_t *place)
     const size_t rays = block->count;
     uint16_t odd[VOCC_BLOCK];
     size_t i, n;
-    n = w->kernels->trace_rays(b, block, g->s->query.options.occluders, odd);
+    n = w->kernels->trace_rays(b, block, g->s->query.occluders, odd);
     for (i = 0; i < n; i++) {
         block->occluded[odd[i]] = 0;
         if (vocc_is_void(block, odd[i]))

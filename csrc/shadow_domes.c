@@ -24,7 +24,7 @@ static vocc_status shade_points(const vocc_beaming *w, const uint16_t *which,
     }
     w->counters->beams++;
     d->most_nodes = MOST_NODES;
-    d->occluders = g->s->query.options.occluders && g->target.region == 0;
+    d->occluders = g->s->query.occluders && g->target.region == 0;
     w->kernels->raise_dome(b, d);
     status = vocc_shadow_poll(g, 1 + (b->nodes + b->clusters - before) /
                                          VOCC_STEPS_LIKE_A_RAY);

@@ -338,7 +338,8 @@ VOCC_API vocc_status vocc_scene_references(const vocc_scene *scene,
 
 typedef enum vocc_order {
     VOCC_ORDER_AUTO = 0,     /* chosen when the scene was built; it also does
-                                without occluders where they do not pay */
+                                without occluders in the kd-tree where they do
+                                not pay there */
     VOCC_ORDER_STANDARD = 1, /* front to back; triangles at once */
     VOCC_ORDER_EXTENDED = 2, /* front to back; triangles deferred */
     VOCC_ORDER_BFS = 3,      /* breadth first; triangles deferred */

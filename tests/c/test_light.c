@@ -537,6 +537,59 @@ static void layouts(void)
     shape_free(&s);
 }
 
+/* Where the order that AUTO stands for does without occluders in the kd-tree,
+ * as in a town of houses of few triangles, beams still use them; if asked to.
+ */
+static void occluders_of_few_triangles(void)
+{
+    enum { SAMPLES = 4 };
+    uint64_t decided = 0;
+    for (size_t index = 0; index < shape_count(); index++) {
+        shape s;
+        world w;
+        receivers r;
+        shape_make(&s, index, 1);
+        test_context(s.name);
+        world_make(&w, &s, NULL);
+        const vocc_report *report = &w.scene->built.report;
+        if (report->auto_order == VOCC_ORDER_STANDARD &&
+            report->opaque_leaves > 0) {
+            uint64_t dark[3];
+            receivers_make_patches(&r, &s, 500, 0.05, 0.001);
+            const size_t values = LIGHTS * r.count;
+            uint16_t *visible = malloc(values * sizeof(*visible));
+            REQUIRE(visible);
+            for (int way = 0; way < 3; way++) {
+                vocc_query_options options;
+                vocc_counters counters;
+                vocc_error error;
+                memset(&counters, 0, sizeof(counters));
+                vocc_query_options_init(&options);
+                options.method = VOCC_METHOD_BEAMS;
+                options.threads = 1;
+                options.counters = &counters;
+                options.occluders = way < 2;
+                if (way == 1)
+                    options.order = VOCC_ORDER_OPAQUE_FIRST;
+                CHECK_STATUS(query(&w, &r, LIGHTS, lights, SAMPLES, visible,
+                                   &options, &error),
+                             &error, VOCC_OK);
+                dark[way] = counters.beam_dark_rays + counters.beam_box_rays;
+            }
+            CHECK_INT(dark[0], dark[1]);
+            CHECK_INT(dark[2], 0);
+            test_compared(values);
+            decided += dark[0];
+            free(visible);
+            receivers_free(&r);
+        }
+        world_free(&w);
+        shape_free(&s);
+    }
+    test_context(NULL);
+    CHECK(decided > 100);
+}
+
 /* Beams through a hierarchy that has lost its triangles take what these block
  * for lit: `verify` has to find it, and to say where and what. */
 static void verify(void)
@@ -616,6 +669,7 @@ const test_case test_light_cases[] = {
     {"light.concave", concave},
     {"light.sample_numbers", sample_numbers},
     {"light.layouts", layouts},
+    {"light.occluders_of_few_triangles", occluders_of_few_triangles},
     {"light.verify", verify},
     {NULL, NULL},
 };

@@ -386,6 +386,7 @@ static void vb_count(void *prepared, dr_job *job, FILE *json)
                {"voxel_dark_rays", c.voxel_dark_rays},
                {"beam_lit_rays", c.beam_lit_rays},
                {"beam_dark_rays", c.beam_dark_rays},
+               {"beam_hidden_rays", c.beam_hidden_rays},
                {"beam_tested_rays", c.beam_tested_rays},
                {"beam_box_rays", c.beam_box_rays},
                {"beams", c.beams},

@@ -5,7 +5,8 @@
  * (nodes and clusters of the hierarchy) that its slices meet; a part of it, of
  * fewer points or a smaller part of the light, looks at that list only.  An
  * empty list: all are lit.  What stays undecided until few segments are left is
- * tested segment by segment, with the triangles of 16 a cluster in the lanes.
+ * tested segment by segment, 16 of them against a box or a triangle, or one
+ * against 16.
  * (Reshetov, Soupikov and Hurley 2005 search entry points so; Ghazanfarpour and
  * Hasenfratz, "A Beam Tracing Method with Precise Antialiasing for Polyhedral
  * Scenes", 1998, split beams.)
@@ -39,7 +40,6 @@ enum {
     VOCC_FAN_POINTS = 64,
     VOCC_FAN_BLOCKS = 16, /* of 16 samples */
     VOCC_BEAM_LIST = 512, /* boxes; what has no room stays in its parent */
-    VOCC_BEAM_CHUNKS = VOCC_BEAM_LIST / VOCC_WIDE + 1, /* 16 clusters each */
     VOCC_BEAM_BOXES = 64,
     VOCC_BEAM_BOX_NODES = 64, /* of the hierarchy of occluders, to look at */
     VOCC_DOME = 64,           /* nodes and clusters */
@@ -107,10 +107,6 @@ typedef struct vocc_beam {
     uint32_t stack[VOCC_BEAM_STACK];
     vocc_walks walks;
     vocc_worth worth;
-    /* Segments that may meet 16 clusters, and one of these. */
-    int chunk_rays[VOCC_BEAM_CHUNKS], child_rays[VOCC_WIDE + 1];
-    uint16_t chunk_ray[VOCC_BEAM_CHUNKS][VOCC_BEAM_RAYS];
-    uint16_t child_ray[VOCC_WIDE + 1][VOCC_BEAM_RAYS];
 
     /* What was done. */
     uint64_t nodes, clusters, ray_tests, exact_tests;
@@ -195,6 +191,9 @@ typedef struct vocc_beam_kernels {
      * meets, opened where they are few. */
     void (*narrow)(vocc_beam *beam, const vocc_beam_list *from,
                    vocc_beam_list *to);
+    /* For 64 points at most: bits of those from which one triangle of the
+     * list's clusters hides all ends. */
+    uint64_t (*hide)(vocc_beam *beam, const vocc_beam_list *list);
     /* For 64 points at most and a list of clusters only: bits of the points
      * from which any of their triangles may be met.  Clusters that no point may
      * meet are taken off. */
@@ -216,7 +215,8 @@ typedef struct vocc_beam_kernels {
     int (*hold)(const vocc_beam *beam, const vocc_beam_boxes *from,
                 int32_t region, vocc_beam_boxes *to);
     /* Clears the bits of segments that pass through one of the boxes. */
-    void (*block_by_boxes)(const vocc_beam_boxes *boxes, vocc_beam_rays *rays);
+    void (*block_by_boxes)(const vocc_beam *beam, const vocc_beam_boxes *boxes,
+                           vocc_beam_rays *rays);
     /* For a list of clusters only: clears the bits of segments that cross one
      * of their triangles. */
     void (*block)(vocc_beam *beam, const vocc_beam_list *list,

@@ -377,6 +377,17 @@ static void set_slab(vocc_cluster *c)
     c->slab[1] = (float)(upper + vocc_abs(upper) * 0x1p-23);
 }
 
+static float larger(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+static float extent(float a, float b, float c)
+{
+    const float low = a < b ? a : b, high = larger(a, b);
+    return larger(high, c) - (low < c ? low : c);
+}
+
 static void make_cluster(const builder *b, const item *items, size_t count,
                          uint32_t number, box *normals)
 {
@@ -385,6 +396,7 @@ static void make_cluster(const builder *b, const item *items, size_t count,
     int k;
     cluster->count = (uint32_t)count;
     cluster->both_sides = 0;
+    cluster->longest = 0.0f;
     box_none(normals);
     for (i = 0; i < VOCC_WIDE; i++) {
         const uint32_t triangle = items[i < count ? i : 0].triangle;
@@ -392,6 +404,9 @@ static void make_cluster(const builder *b, const item *items, size_t count,
         cluster->triangle[i] = triangle;
         for (k = 0; k < 9; k++)
             cluster->corner[k][i] = c[k];
+        for (k = 0; k < 3; k++)
+            cluster->longest =
+                larger(cluster->longest, extent(c[k], c[3 + k], c[6 + k]));
         if (i < count) {
             const int both = is_both_sided(b, triangle);
             box normal;

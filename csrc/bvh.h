@@ -37,7 +37,8 @@ typedef struct vocc_cluster {
     /* All lie between two planes: normal . x is slab[0] to slab[1].  All are 0
      * if there is no mean normal. */
     float normal[3], slab[2];
-    uint32_t unused[VOCC_WIDE - 7];
+    float longest; /* of the edges: largest difference of a coordinate */
+    uint32_t unused[VOCC_WIDE - 8];
 } vocc_cluster;
 
 typedef struct vocc_bvh {

@@ -19,16 +19,19 @@ VOCC_INLINE int vocc_lowest_bit(unsigned bits)
 #endif
 }
 
-VOCC_INLINE int vocc_count_bits(unsigned bits)
+/* Compilers know it; without an instruction for it they would call theirs. */
+VOCC_INLINE int vocc_count_bits(uint32_t bits)
 {
-#if defined(__GNUC__)
-    return __builtin_popcount(bits);
-#else
-    int n = 0;
-    for (; bits; bits &= bits - 1)
-        n++;
-    return n;
-#endif
+    bits -= bits >> 1 & 0x55555555u;
+    bits = (bits & 0x33333333u) + (bits >> 2 & 0x33333333u);
+    bits = (bits + (bits >> 4)) & 0x0F0F0F0Fu;
+    return (int)((bits * 0x01010101u & 0xFFFFFFFFu) >> 24);
+}
+
+VOCC_INLINE int vocc_count_bits64(uint64_t bits)
+{
+    return vocc_count_bits((unsigned)(bits & 0xFFFFFFFFu)) +
+           vocc_count_bits((unsigned)(bits >> 32));
 }
 
 VOCC_INLINE int vocc_lowest_bit64(uint64_t bits)

@@ -76,6 +76,7 @@ static vocc_status begin(vocc_beaming *w, size_t l, int *all_tallied)
     light->target = g->target;
     light->pending_count = light->uncertain_count = 0;
     light->recent.count = light->recent.cut = 0;
+    vocc_worth_begin(&light->hiding);
     if (g->facing_alike) {
         if (g->facing[0] != VOCC_FACING_NONE)
             for (; count < g->t->count; count++)

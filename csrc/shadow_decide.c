@@ -138,15 +138,6 @@ static void mark_dark(vocc_segments *s, const part *p)
     }
 }
 
-/* Of the 16 segments from `first` on, how many are known to be blocked. */
-static int count_blocked(const vocc_beam_rays *r, int first)
-{
-    int i, n = 0;
-    for (i = first; i < r->count && i < first + VOCC_WIDE; i++)
-        n += !(r->open[i / VOCC_WIDE] >> i % VOCC_WIDE & 1);
-    return n;
-}
-
 /* Segments that are few enough: one by one. */
 static vocc_status test_rays(const vocc_beaming *w, const part *p,
                              const vocc_beam_list *list,
@@ -158,7 +149,7 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
     vocc_segments *s = &room->store;
     const uint64_t before = b->nodes + b->clusters;
     int i, j, k, n = 0;
-    unsigned any = 0;
+    int left = 0;
     for (i = 0; i < p->points.count; i++) {
         const uint32_t *const start = s->start[p->first + i] + p->cell;
         const int count = (int)(start[p->cells] - start[0]);
@@ -180,12 +171,11 @@ static vocc_status test_rays(const vocc_beaming *w, const part *p,
         r->open[i / VOCC_WIDE] =
             (uint16_t)(n - i < VOCC_WIDE ? (1u << (n - i)) - 1u : 0xFFFFu);
     w->kernels->prepare(b, r);
-    w->kernels->block_by_boxes(boxes, r);
-    for (i = 0; i < n; i += VOCC_WIDE) {
-        any |= r->open[i / VOCC_WIDE];
-        w->counters->beam_box_rays += (uint64_t)count_blocked(r, i);
-    }
-    if (any)
+    w->kernels->block_by_boxes(b, boxes, r);
+    for (i = 0; i < n; i += VOCC_WIDE)
+        left += vocc_count_bits(r->open[i / VOCC_WIDE]);
+    w->counters->beam_box_rays += (uint64_t)(n - left);
+    if (left)
         w->kernels->block(b, list, r);
     w->counters->beam_tested_rays += (uint64_t)n;
     for (i = 0, n = 0; i < p->points.count; i++) {
@@ -487,6 +477,40 @@ static int sort_points(const vocc_beaming *w, vocc_range r, uint64_t bits)
     return n;
 }
 
+/* Settles the points whose bits are set; the beam is that of the others. */
+static vocc_status settle_points(const vocc_beaming *w, vocc_range *r,
+                                 uint64_t bits, int dark, uint64_t *counter)
+{
+    vocc_range some = *r;
+    const int n = sort_points(w, *r, ~bits);
+    if (n == r->count)
+        return VOCC_OK;
+    some.first = (uint16_t)(r->first + n);
+    some.count = (uint16_t)(r->count - n);
+    r->count = (uint16_t)n;
+    if (n) {
+        set_points(w, *r);
+        set_whole_end(w);
+    }
+    return vocc_group_settle(w, some, dark, counter);
+}
+
+/* A look at a cluster takes as long as so many tests of 16 boxes, with a fan
+ * for each point. */
+#define TESTS_A_CLUSTER 64.0f
+
+/* Points of the group from which a triangle hides the light. */
+static uint64_t find_hidden(const vocc_beaming *w, uint32_t samples)
+{
+    vocc_beam *b = &w->room->beam;
+    const uint64_t before = b->clusters,
+                   hidden = w->kernels->hide(b, &w->room->lists[0]);
+    vocc_worth_tested(&w->light->hiding,
+                      (int)samples * vocc_count_bits64(hidden),
+                      TESTS_A_CLUSTER * (float)(b->clusters - before));
+    return hidden;
+}
+
 /* Second round: a group of points that are all known to be outside, or none.
  */
 static vocc_status decide(const vocc_beaming *w, vocc_range r)
@@ -508,21 +532,14 @@ static vocc_status decide(const vocc_beaming *w, vocc_range r)
     w->kernels->narrow(b, NULL, &room->lists[0]);
     if (!room->lists[0].count)
         return vocc_group_settle(w, r, 0, &w->counters->beam_lit_rays);
-    if (is_short(&room->lists[0])) {
-        const uint64_t may = w->kernels->sieve(b, &room->lists[0]);
-        const int n = sort_points(w, r, may);
-        vocc_range lit = r;
-        lit.count = (uint16_t)(r.count - n);
-        lit.first = (uint16_t)(r.first + n);
-        status = vocc_group_settle(w, lit, 0, &w->counters->beam_lit_rays);
-        if (!n || status != VOCC_OK)
-            return status;
-        if (n < r.count) {
-            r.count = (uint16_t)n;
-            set_points(w, r);
-            set_whole_end(w);
-        }
-    }
+    if (vocc_worth_test(&w->light->hiding))
+        status = settle_points(w, &r, find_hidden(w, samples), 1,
+                               &w->counters->beam_hidden_rays);
+    if (status == VOCC_OK && r.count && is_short(&room->lists[0]))
+        status = settle_points(w, &r, ~w->kernels->sieve(b, &room->lists[0]), 0,
+                               &w->counters->beam_lit_rays);
+    if (!r.count || status != VOCC_OK)
+        return status;
     if (is_dark(w, NULL, &room->boxes[0]))
         return vocc_group_settle(w, r, 1, &w->counters->beam_dark_rays);
     for (first = 0; first < samples && status == VOCC_OK; first += count) {

@@ -36,6 +36,7 @@ typedef struct vocc_lit_tile {
         uncertain[VOCC_TILE_POINTS / VOCC_GROUP]; /* not known to be outside */
     int uncertain_count;
     vocc_beam_boxes recent; /* occluders that made groups dark last */
+    vocc_worth hiding;      /* looking for triangles that hide the light */
 } vocc_lit_tile;
 
 /* The segments of a group, point by point, and by the cell of the light that

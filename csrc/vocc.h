@@ -415,13 +415,15 @@ typedef struct vocc_counters {
     uint64_t entry_few_rays; /* rays tested against a short list instead */
     uint64_t voxel_lit_rays, voxel_dark_rays; /* rays that need no tracing */
     /* By beams: */
-    uint64_t beam_lit_rays, beam_dark_rays; /* that a whole beam settles */
-    uint64_t beam_tested_rays;              /* the others */
-    uint64_t beam_box_rays; /* those of them that an occluder blocks */
-    uint64_t beams;         /* groups, and parts of them, looked at */
-    uint64_t beam_nodes;    /* 16 children each */
-    uint64_t beam_clusters; /* 16 triangles each, against a beam */
-    uint64_t beam_tests;    /* ray x cluster, or 16 rays x triangle */
+    uint64_t beam_lit_rays, beam_dark_rays; /* that a whole beam settles;
+                                               the latter: an occluder */
+    uint64_t beam_hidden_rays; /* of points that one triangle hides it from */
+    uint64_t beam_tested_rays; /* the others */
+    uint64_t beam_box_rays;    /* those of them that an occluder blocks */
+    uint64_t beams;            /* groups, and parts of them, looked at */
+    uint64_t beam_nodes;       /* 16 children each */
+    uint64_t beam_clusters;    /* 16 triangles each, against a beam */
+    uint64_t beam_tests;       /* ray x cluster, or 16 rays x triangle */
 } vocc_counters;
 
 typedef struct vocc_query_options {

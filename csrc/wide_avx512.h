@@ -8,6 +8,7 @@
  *   it has to allow for either; wnfma(a, b, c) is c - a * b;
  * - wmin and wmax give b where a lane is NaN;
  * - comparisons with NaN are false;
+ * - wpack_places writes first + lane of the lanes picked, likewise.
  * - wpack and wpack_numbers move the lanes that wpick_lanes has picked to the
  *   front of `to`, where 16 values may be written. */
 #ifndef VOCC_WIDE_AVX512_H
@@ -112,6 +113,16 @@ VOCC_INLINE void wpack_numbers(uint32_t *to, const uint32_t *from, wpick p)
 {
     _mm512_storeu_si512(
         to, _mm512_maskz_compress_epi32(p, _mm512_loadu_si512(from)));
+}
+
+VOCC_INLINE void wpack_places(uint16_t *to, int first, wpick p)
+{
+    const __m512i lanes =
+        _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    _mm256_storeu_si256(
+        (__m256i *)to,
+        _mm512_cvtepi32_epi16(_mm512_maskz_compress_epi32(
+            p, _mm512_add_epi32(lanes, _mm512_set1_epi32(first)))));
 }
 
 /* The smallest and the largest lane; no lane is NaN. */

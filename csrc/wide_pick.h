@@ -35,4 +35,11 @@ VOCC_INLINE void wpack_numbers(uint32_t *to, const uint32_t *from, wpick p)
         to[i] = from[p.lane[i]];
 }
 
+VOCC_INLINE void wpack_places(uint16_t *to, int first, wpick p)
+{
+    int i;
+    for (i = 0; i < p.count; i++)
+        to[i] = (uint16_t)(first + p.lane[i]);
+}
+
 #endif

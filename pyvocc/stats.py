@@ -35,7 +35,8 @@ class Stats:
         entry_lit_rays, entry_dark_rays: rays that need no tracing.
         entry_few_rays: rays tested against a short list of triangles instead.
         voxel_lit_rays, voxel_dark_rays: rays that need no tracing.
-        beam_lit_rays, beam_dark_rays: rays that beams settled together.
+        beam_lit_rays, beam_dark_rays: rays that beams settled together; the latter by occluders.
+        beam_hidden_rays: likewise, of points from which one triangle hides the light.
         beam_tested_rays: those that they tested one by one.
         beam_box_rays: those of the latter that an occluder blocked.
         beams: groups of points, and parts of them, looked at.
@@ -71,6 +72,7 @@ class Stats:
     voxel_dark_rays: int = 0
     beam_lit_rays: int = 0
     beam_dark_rays: int = 0
+    beam_hidden_rays: int = 0
     beam_tested_rays: int = 0
     beam_box_rays: int = 0
     beams: int = 0

@@ -386,6 +386,7 @@ static void neighbours(void)
                 if (way >= RAY_WAYS)
                     CHECK(is_beyond_beams(scale) ||
                           counters.beam_lit_rays + counters.beam_dark_rays +
+                                  counters.beam_hidden_rays +
                                   counters.beam_tested_rays ==
                               traced);
                 if (!options.entry_points && !options.voxels)
@@ -590,6 +591,105 @@ static void occluders_of_few_triangles(void)
     CHECK(decided > 100);
 }
 
+/* Triangles on a grid that hide lights on it from points on it: segments end
+ * beyond a triangle, beside it and, where point, edge and corner of the light
+ * are in line, in its edge. */
+static void hidden_by_a_triangle(void)
+{
+    enum { TRIANGLES = 24, SIDE = 48, COUNT = SIDE * SIDE, SAMPLES = 9 };
+    static const double steps[] = {1.0 / 16, 1.0 / 8, 1.0 / 4};
+    uint16_t *expected = malloc(LIGHTS * COUNT * sizeof(*expected));
+    uint16_t *actual = malloc(LIGHTS * COUNT * sizeof(*actual));
+    float *points = malloc(3 * COUNT * sizeof(float));
+    REQUIRE(expected && actual && points);
+    test_random random = random_seed(77);
+    float up[3] = {0, 1, 0};
+    uint64_t hidden = 0, rays = 0;
+    for (int round = 0; round < (int)test_scaled(24, 6); round++) {
+        const double step = steps[round % 3];
+        shape s;
+        world w;
+        vocc_light some[LIGHTS];
+        memset(&s, 0, sizeof(s));
+        s.name = "triangles";
+        s.part_count = 1;
+        mesh *const m = &s.parts[0].m;
+        mesh_init(m);
+        for (int i = 0; i < TRIANGLES; i++) {
+            /* On a level, or not; large, or a few cells of the grid; some cut
+             * a light, or are beyond it. */
+            const double size = random_below(&random, 3) ? 1.5 : 0.25,
+                         x = random_in(&random, -1.5, 1.5),
+                         z = random_in(&random, -1.5, 1.5),
+                         top = random_below(&random, 4) ? 1.5 : 4,
+                         y = random_in(&random, 0.25, top);
+            const int level = random_below(&random, 2) == 0;
+            for (int k = 0; k < 3; k++)
+                mesh_vertex(m, x + random_in(&random, -size, size),
+                            level ? y : random_in(&random, 0.25, top),
+                            z + random_in(&random, -size, size));
+            mesh_triangle(m, 3 * i, 3 * i + 1, 3 * i + 2);
+        }
+        mesh_snap(m, step);
+        for (size_t l = 0; l < LIGHTS; l++) {
+            const double width = step * (double)(1 + random_below(&random, 4)),
+                         length = l % 3 ? width : 0;
+            some[l] = (vocc_light)RECT(0, 2 + (double)(l % 2), 0, width, 0, 0,
+                                       0, 0, length);
+            for (int k = 0; k < 3; k += 2)
+                some[l].position[k] =
+                    step * floor(random_in(&random, -2, 2) / step);
+        }
+        for (int i = 0; i < COUNT; i++) {
+            points[3 * i] = (float)(step * (i % SIDE - SIDE / 2));
+            points[3 * i + 1] = 0;
+            points[3 * i + 2] = (float)(step * (i / SIDE - SIDE / 2));
+        }
+        world_make(&w, &s, NULL);
+        const receivers r = {COUNT, points, NULL, NULL};
+        for (int way = 0; way < 1 + VOCC_ISA_NEON; way++) {
+            vocc_query_options options;
+            vocc_counters counters;
+            vocc_error error;
+            if (way && !has_isa(way))
+                continue;
+            memset(&counters, 0, sizeof(counters));
+            vocc_query_options_init(&options);
+            options.method = way ? VOCC_METHOD_BEAMS : VOCC_METHOD_RAYS;
+            options.occluders = 0;
+            options.isa = way;
+            options.threads = 1;
+            options.counters = &counters;
+            CHECK_STATUS(
+                vocc_light_visibility(
+                    w.scene, COUNT, rows_of(r.points, 12, VOCC_FLOAT32),
+                    rows_of(up, 0, VOCC_FLOAT32), rows_of(NULL, 0, VOCC_UINT32),
+                    LIGHTS, some, SAMPLING(SAMPLES), way ? actual : expected,
+                    NULL, NULL, &options, &error),
+                &error, VOCC_OK);
+            if (!way)
+                continue;
+            for (size_t k = 0; k < LIGHTS * COUNT; k++)
+                if (actual[k] != expected[k])
+                    test_fail(__FILE__, __LINE__,
+                              "round %d, isa %d, light %zu, point %zu: %d, "
+                              "not %d",
+                              round, way, k / COUNT, k % COUNT, actual[k],
+                              expected[k]);
+            test_compared(LIGHTS * COUNT * SAMPLES);
+            hidden += counters.beam_hidden_rays;
+            rays += counters.rays;
+        }
+        world_free(&w);
+        mesh_free(m);
+    }
+    test_note("of %g rays a triangle hides %g", (double)rays, (double)hidden);
+    CHECK(hidden > rays / 10);
+    free(points);
+    free(actual);
+    free(expected);
+}
+
 /* Beams through a hierarchy that has lost its triangles take what these block
  * for lit: `verify` has to find it, and to say where and what. */
 static void verify(void)
@@ -670,6 +770,7 @@ const test_case test_light_cases[] = {
     {"light.sample_numbers", sample_numbers},
     {"light.layouts", layouts},
     {"light.occluders_of_few_triangles", occluders_of_few_triangles},
+    {"light.hidden_by_a_triangle", hidden_by_a_triangle},
     {"light.verify", verify},
     {NULL, NULL},
 };

@@ -377,6 +377,7 @@ static void all_ways(void)
                               sizeof(*shares));
             sum.beam_lit_rays += c.beam_lit_rays;
             sum.beam_dark_rays += c.beam_dark_rays;
+            sum.beam_hidden_rays += c.beam_hidden_rays;
             sum.beam_tested_rays += c.beam_tested_rays;
             memset(&c, 0, sizeof(c));
             uint16_t *opens = way ? open + r.count : open;
@@ -405,15 +406,16 @@ static void all_ways(void)
     test_note("of %g rays, searches settle %g lit and %g dark",
               (double)sum.rays, (double)sum.entry_lit_rays,
               (double)sum.entry_dark_rays);
-    test_note("beams settle %g lit and %g dark, and test %g",
+    test_note("beams settle %g lit, %g dark and %g hidden, and test %g",
               (double)sum.beam_lit_rays, (double)sum.beam_dark_rays,
-              (double)sum.beam_tested_rays);
+              (double)sum.beam_hidden_rays, (double)sum.beam_tested_rays);
     test_note("of ambient occlusion they settle %g and test %g",
               (double)ambient.beam_lit_rays, (double)ambient.beam_tested_rays);
     CHECK(ambient.beam_lit_rays > ambient.beam_tested_rays / 100);
     CHECK(ambient.beam_tested_rays > sum.rays / 100);
     CHECK(sum.beam_lit_rays > sum.rays / 100);
     CHECK(sum.beam_dark_rays > sum.rays / 1000);
+    CHECK(sum.beam_hidden_rays > sum.rays / 1000);
     CHECK(sum.beam_tested_rays > sum.rays / 100);
     CHECK(sum.entry_lit_rays > sum.rays / 100);
     CHECK(sum.entry_dark_rays > sum.rays / 1000);
